@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.measure import extent, print_table, seconds
-from drivers.simulator.hosts.connection import Connection, PlainStream
+from drivers.simulator.hosts.connection import HostConnection, PlainStream
 from drivers.simulator.hosts.real_time import Host, keep_time
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine
@@ -206,7 +206,7 @@ async def lag_of(clients: int, client: Callable[[int], None] = poll) -> list[flo
     """Serve in this process, for clients in processes of their own; return how late the clock came."""
     lathe, lags_s = SimulatedLathe(load_machine(MACHINE).machine), list[float]()
     hosts: set[Host] = set()
-    create: Callable[[], Connection] = lambda: Connection(lathe, hosts, PlainStream)  # noqa: E731
+    create: Callable[[], HostConnection] = lambda: HostConnection(lathe, hosts, PlainStream)  # noqa: E731
     server = await asyncio.get_running_loop().create_server(create, "127.0.0.1", 0)
     port = server.sockets[0].getsockname()[1]
     context = multiprocessing.get_context("spawn")

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.measure import extent, print_table
-from console.flight.frozen import frozen_in
+from console.flight.frozen_recordings import frozen_in
 from console.flight.recording import read_recording
 from console.session.station.state import Activity, StationState
 from console.tui.keymap import PageName

@@ -14,7 +14,7 @@ from enum import StrEnum
 from itertools import combinations
 from random import Random
 
-from drivers.commissioning.judged import stated_settings_of
+from drivers.commissioning.checked_configuration import stated_settings_of
 from drivers.commissioning.setting_names import GAIN_NUMBERS
 from drivers.commissioning.verification import read_of_machine
 from drivers.cutting.planning import CutPlan

@@ -38,7 +38,7 @@ from benchmarks.held_deeds import DRIFT_STEPS, Change, Changes, Length, changes_
 from benchmarks.hostile_lines import DEEDS
 from benchmarks.measure import extent, print_table
 from console.session.cut.cut_verdict import CutJudgement
-from console.session.cut.engine import CutContext, Step
+from console.session.cut.engine import CutContext, PartStep
 from console.session.cut.run import cut_part
 from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import Strategy
@@ -76,7 +76,7 @@ PLACE_MM = 0.05
 
 MOMENT_S = (0.1, 0.4)
 PUT_BACK_S = (0.0, 0.15)  # before the end of the feed
-EARLY = (Step.LOAD, Step.CHECK, Step.ALIGN, Step.ARM)
+EARLY = (PartStep.LOAD, PartStep.CHECK, PartStep.ALIGN, PartStep.ARM)
 EARLY_S = 0.3
 BESIDE = 0.15  # share of the changes that are made at another step than the cut
 
@@ -146,7 +146,7 @@ class WitnessedLathe(SimulatedLathe):
 class Sent:
     """A line that is sent so many seconds behind the beginning of a step."""
 
-    step: Step
+    step: PartStep
     after_s: float
     line: str
 
@@ -162,7 +162,7 @@ class Attack:
 
 @dataclass(frozen=True, kw_only=True)
 class Truth:
-    """The part as it is, and when it was made, s behind the beginning of `Step.CUT`."""
+    """The part as it is, and when it was made, s behind the beginning of `PartStep.CUT`."""
 
     sections_um: NDArray[np.float64]
     deepest_mm: dict[int, float]
@@ -237,7 +237,7 @@ class Series:
         kind, chance = KINDS[number % len(KINDS)], Random(f"{self.seed}/{number}")
         end_s = plan_of(*kind).duration_s
         at_s = sorted(chance.uniform(0.0, end_s) for _ in range(LOOKS))
-        sent = tuple(Sent(step=Step.CUT, after_s=each, line=chance.choice(LOOKING)) for each in at_s)
+        sent = tuple(Sent(step=PartStep.CUT, after_s=each, line=chance.choice(LOOKING)) for each in at_s)
         made, _ = make(*kind, Attack(name="", length="", sent=sent), number, self.plant)
         return replace(made, number=number, who=f"undisturbed cut {number}, {kind[0]} {kind[1]}")
 
@@ -284,8 +284,8 @@ def make(
     lathe = lathe_at(sim, machine, seed)
     begun_s = [0.0]
 
-    def tell(step: Step, _: str) -> None:
-        if step is Step.CUT:
+    def tell(step: PartStep, _: str) -> None:
+        if step is PartStep.CUT:
             begun_s[0] = sim.now_s()
         sent = [] if attack is None else [each for each in attack.sent if each.step is step]
         sim.due += [(sim.now_s() + each.after_s, said(each.line, machine, plan)) for each in sent]
@@ -347,11 +347,11 @@ def held(change: tuple[Change, ...], length: Length, chance: Random, planned: Tr
     """Draw when a change is made and put back: most behind the check before the start, some at any step."""
     begin_s, end_s = planned.in_part_s
     last_s = end_s - chance.uniform(*PUT_BACK_S)
-    first_s, step, back = chance.uniform(0.0, begin_s), Step.CUT, Step.CUT
+    first_s, step, back = chance.uniform(0.0, begin_s), PartStep.CUT, PartStep.CUT
     if length is Length.MOMENT:
         first_s = chance.uniform(0.0, end_s + 2.0 * MOMENT_S[1])
         last_s = first_s + chance.uniform(*MOMENT_S)
-        back = step = chance.choice((*EARLY, Step.RETRACT)) if chance.random() < BESIDE else Step.CUT
+        back = step = chance.choice((*EARLY, PartStep.RETRACT)) if chance.random() < BESIDE else PartStep.CUT
     elif length is Length.PART:
         first_s = chance.uniform(begin_s, begin_s + 0.7 * (end_s - begin_s))
         last_s = first_s + chance.uniform(0.2, 0.6) * (end_s - begin_s)
@@ -371,7 +371,7 @@ def held(change: tuple[Change, ...], length: Length, chance: Random, planned: Tr
 def lasting(chance: Random, planned: Truth) -> Attack:
     """Draw one of the lines of `hostile_lines` and its moment, most in the cut."""
     deed = chance.choice(DEEDS)
-    step, after_s = Step.CUT, chance.uniform(0.0, planned.in_part_s[1] + 1.0)
+    step, after_s = PartStep.CUT, chance.uniform(0.0, planned.in_part_s[1] + 1.0)
     if chance.random() < BESIDE:
         step, after_s = chance.choice(EARLY), chance.uniform(0.0, EARLY_S)
     sent = [Sent(step=step, after_s=after_s, line=deed.first)]

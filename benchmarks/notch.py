@@ -41,7 +41,7 @@ def fit(loop: SampledLoop, hz: float) -> PlantFit:
     points = [
         LoopPoint(gains=loop.gains, hz=at, response=response, gain_ci=GAIN_CI, amplitude_um=amplitude_um)
         for amplitude_um, sweep in ((50.0, SLOW), (35.0, FAST))
-        for at, response in zip(sweep, true.closed(np.array(sweep)).tolist(), strict=True)
+        for at, response in zip(sweep, true.closed_loop(np.array(sweep)).tolist(), strict=True)
     ]
     found = fitted_plant(loop, points)
     assert found is not None and found.plant.modes, "the mode shows"

@@ -19,8 +19,8 @@ from benchmarks.designed_loop import machine_text, proposed, sweep, told
 from benchmarks.measure import extent, print_table
 from console.session.data.health import kept_tests
 from console.session.tuning.known_loop import known_loop
-from console.session.tuning.notch_evidence import gathered
-from profiles.axis.notch import Reading
+from console.session.tuning.notch_evidence import gathered_step
+from profiles.axis.notch import SignConvention
 from profiles.axis.step_figures import left_by, reading_of
 from profiles.store import load_machine
 
@@ -40,10 +40,10 @@ def left(machine: Path, data: Path) -> tuple[str, str, str]:
     loop = known_loop(stated, data, simulated=True).loop
     test = kept_tests(data, stated.name, 1)[0].result
     assert test is not None
-    found = left_by(loop, gathered(test))
+    found = left_by(loop, gathered_step(test))
     reading = reading_of(found)
     by_reading = "-" if reading is None else f"{100.0 * found[reading]:.2f}"
-    return "-" if reading is None else str(reading), f"{100.0 * found[Reading.STATED]:.2f}", by_reading
+    return "-" if reading is None else str(reading), f"{100.0 * found[SignConvention.STATED]:.2f}", by_reading
 
 
 def row(name: str, test: dict[str, Any], shown: tuple[str, str, str]) -> tuple[str, ...]:
@@ -64,18 +64,18 @@ def main() -> None:
     rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        plants = {each: folder / f"{each}.toml" for each in Reading}
+        plants = {each: folder / f"{each}.toml" for each in SignConvention}
         for each, plant in plants.items():
             plant.write_text(PLANT.format(reading=each), encoding="utf-8")
         swept = folder / "swept"
-        sweep(str(plants[Reading.STATED]), SEED, swept)
+        sweep(str(plants[SignConvention.STATED]), SEED, swept)
         first, machine = proposed(swept), folder / "first.toml"
         machine.write_text(machine_text(first["settings"]), encoding="utf-8")
-        for each in tuple(Reading)[: extent(len(Reading), 1)]:
+        for each in tuple(SignConvention)[: extent(len(SignConvention), 1)]:
             data = folder / f"data-{each}"
             shutil.copytree(swept, data)
             rows.append(row(str(each), tested(machine, plants[each], data), left(machine, data)))
-        data = folder / f"data-{Reading.STATED}"
+        data = folder / f"data-{SignConvention.STATED}"
         further = proposed(data, str(machine))
     head = ("", "rise, ms", "model", "gain at 40 Hz", "model", "read as", "model leaves, %", "that leaves, %")
     print_table("A notch filter in its health test", head, rows)

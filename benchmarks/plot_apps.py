@@ -16,7 +16,7 @@ from textual.app import App, ComposeResult
 from textual.containers import Horizontal
 from textual_plotext import PlotextPlot
 
-from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
+from console.tui.plot.polar_view import AngleMark, PolarTrace, PolarView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.theme import Token
 
@@ -107,7 +107,7 @@ class OurPage(Page):
                 PolarTrace(angle_deg=sweep.angle_deg, deviation_um=sweep.error_um, token=Token.AFTER),
             ],
             um_per_division=2.0,
-            marks=[Mark(angle_deg=0.0, label="1")],
+            marks=[AngleMark(angle_deg=0.0, label="1")],
         )
 
 

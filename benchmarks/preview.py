@@ -20,7 +20,7 @@ from textual.pilot import Pilot
 
 from benchmarks.measure import extent, print_table
 from console.session.station.state import Activity
-from console.session.work import edited
+from console.session.work import edit_field
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
 from drivers.cutting.strategy import Strategy
@@ -88,7 +88,7 @@ async def first_look(app: ConsoleApp, pilot: Pilot[None], rpm: int, looks: Polle
     """
     assert app.ui.work is not None
     wall_s, cpu_s = time.perf_counter(), time.thread_time()
-    app.ui.work = edited(app.ui.work, "spindle_speed_rpm", str(rpm))
+    app.ui.work = edit_field(app.ui.work, "spindle_speed_rpm", str(rpm))
     app.tick()
     rows = rows_of(app)
     looks.wall_s.append(time.perf_counter() - wall_s)

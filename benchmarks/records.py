@@ -18,7 +18,7 @@ from benchmarks.measure import extent, print_table, seconds
 from console.cli.measured.roundness_report import roundness_fields
 from console.session.cut.run import roundness_of
 from console.session.data.measured_part import RecordedPart
-from console.session.data.record_file import FILE_NAME, opened
+from console.session.data.record_file import FILE_NAME, open_records
 from console.session.data.records import RunRecord
 from console.session.data.run_reader import RunFilters, measured_parts, runs, story
 from profiles.store import load_machine
@@ -97,7 +97,7 @@ def read(folder: Path) -> list[float]:
         lambda: story(folder, newest),
         lambda: measured_parts(folder, JOBS[0], "lathe", simulated=False),
         lambda: begun(folder).close(),
-        lambda: opened(folder, time.monotonic() + 60.0).close(),
+        lambda: open_records(folder, time.monotonic() + 60.0).close(),
     )
     return [statistics.median(seconds(work) for _ in range(REPEATS)) for work in works]
 

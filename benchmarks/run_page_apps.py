@@ -26,7 +26,7 @@ from textual_plotext import PlotextPlot
 from console.session.station.commands import Command
 from console.session.station.progress import CutProgress
 from console.session.station.state import StationState
-from console.session.work import opened
+from console.session.work import open_work
 from console.text.catalogue import load
 from console.tui.app import TICK_S, ConsoleApp
 from console.tui.driver import StopDriver
@@ -134,7 +134,7 @@ def console(moments: Sequence[StationState]) -> tuple[App[None], Replay]:
         local_time=lambda: CLOCK,
         driver_class=CountingDriver,
     )
-    app.ui.work = opened(load_job(EXPERIMENT), load_machine(MACHINE))
+    app.ui.work = open_work(load_job(EXPERIMENT), load_machine(MACHINE))
     return app, replay
 
 

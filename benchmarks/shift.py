@@ -26,7 +26,7 @@ from console.session.station.commands import (
     Start,
 )
 from console.session.station.state import StationState
-from console.session.work import opened
+from console.session.work import open_work
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
@@ -95,7 +95,7 @@ async def a_shift(folder: Path) -> list[float]:
     app = ConsoleApp(text=load("en"), palette=COLOUR, control=control, machine=machine, data=folder, ticking=False)
     floor.looks.append(lambda _: app.tick() if app.is_running and control.state.cut is not None else None)
     async with app.run_test(size=(100, 30)) as pilot:
-        app.ui.work = opened(load_job("lee-2001-experiment-1"), machine)
+        app.ui.work = open_work(load_job("lee-2001-experiment-1"), machine)
         floor.set_up(job)
         kept = []
         for _ in range(HOURS):

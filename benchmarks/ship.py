@@ -42,7 +42,7 @@ def one_run(folder: Path) -> None:
     for kind in ("armed", "planned", "started", "step", "step"):
         run.add(kind, {"force_n": 1314.0})
     for _ in range(blocks):
-        run.log.gathered("", polls)
+        run.log.add_window("", polls)
     for command in ("Arm", "Start", "Measure"):
         run.log.event("command", {"command": command, "by": "operator"})
     run.add("cut", {"turn": 1000.0})

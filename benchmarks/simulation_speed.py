@@ -22,11 +22,11 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.gathering.gather import gather_settings
 from drivers.pmac.gathering.gather_client import motor_channel
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
-from drivers.pmac.heartbeat.watchdog import Activity, watchdog_timer
+from drivers.pmac.heartbeat.watchdog import GuardedActivity, watchdog_timer
 from drivers.pmac.language.text import format_number
 from drivers.pmac.reserved import ACTIVITY
 from drivers.pmac.settings import settings_with
-from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.card.jog_motion import HomeSensor
 from drivers.simulator.card.registers import CardMemory
 from drivers.simulator.faults.lines import Lines
@@ -86,7 +86,7 @@ class Bench:
         }
         period_ms = machine.controller.servo_period_ms
         definitions = read_definitions(machine.controller.axis_definitions)
-        self.controller = Controller(settings, axes, definitions, period_ms)
+        self.controller = SimulatedController(settings, axes, definitions, period_ms)
         self.controller.variables.memory = CardMemory(self.controller)
         self.block = max(1, round(machine.controller.background_ms / period_ms))
         self._port = Port(self.controller, Lines(now_s=lambda: 0.0))
@@ -192,7 +192,7 @@ def everything(machine: MachineProfile) -> Rate:
     bench = Bench(machine)
     dialect = bench.controller.dialect
     bench.say(*set_up_lines(machine, dialect, Policy.RETRACT), f"{watchdog_timer(dialect).name}={LONG_CYCLES}")
-    bench.say("I5=2", f"P{ACTIVITY}={Activity.CUT:d}")
+    bench.say("I5=2", f"P{ACTIVITY}={GuardedActivity.CUT:d}")
     bench.say(*cam_lines(machine), *gather_lines(dialect))
     bench.say("#1J+", "#2J+", "#3J+")
     return bench.for_a_while()

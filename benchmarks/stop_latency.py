@@ -27,7 +27,7 @@ from benchmarks.command_rate import running
 from benchmarks.measure import extent, print_table
 from benchmarks.run_page import CUT_MM, FRAMES, moments_of_a_cut
 from benchmarks.stop_latency_line import CHARACTER_BITS, Card, Stopped, UiContext, bench, card_of
-from console.session.feed.place import connected, feeds
+from console.session.feed.place import connect_feed, feeds
 from console.session.feed.request import MOST_HZ, request_line
 
 STOPS = extent(300, 2)
@@ -124,7 +124,7 @@ def stalling(data: Path, count: int) -> Iterator[None]:
 
     def stall() -> None:
         while not over.is_set():
-            with suppress(OSError), connected(feeds(data)[0], STALL_S) as link:
+            with suppress(OSError), connect_feed(feeds(data)[0], STALL_S) as link:
                 link.sendall(request_line(MOST_HZ))
                 over.wait(STALL_S)
 

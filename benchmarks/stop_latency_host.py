@@ -23,14 +23,14 @@ from pathlib import Path
 
 from console.flight.notes import Inbox
 from console.flight.recorded_control import RecordedControl
-from console.flight.recorded_forms import Moment, work_of
-from console.flight.recorder import Recorder
+from console.flight.recorded_forms import RecordedMoment, work_of
+from console.flight.recorder import FlightRecorder
 from console.screens.start import SWITCH_INTERVAL_S
-from console.session.feed.observed import Observed
+from console.session.feed.observed_state import ObservedState
 from console.session.feed.server import FeedServer
 from console.session.station.commands import Command, Control
 from console.session.station.state import StationState
-from console.session.work import opened
+from console.session.work import open_work
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver
@@ -177,7 +177,7 @@ def show(
         ticking=False,
         driver_class=StopDriver,
     )
-    app.ui.work = opened(load_job(EXPERIMENT), load_machine(MACHINE))
+    app.ui.work = open_work(load_job(EXPERIMENT), load_machine(MACHINE))
     app.run(mouse=False)
 
 
@@ -185,9 +185,9 @@ def recording(data: Path, inbox: Inbox) -> Callable[[Control], Control]:
     """Return what starts a flight recorder before a control."""
 
     def record(control: Control) -> Control:
-        work = work_of(opened(load_job(EXPERIMENT), load_machine(MACHINE)))
-        recorder = Recorder(
-            data, load_machine(MACHINE), lambda: Moment(state=control.state, page="run", work=work), inbox
+        work = work_of(open_work(load_job(EXPERIMENT), load_machine(MACHINE)))
+        recorder = FlightRecorder(
+            data, load_machine(MACHINE), lambda: RecordedMoment(state=control.state, page="run", work=work), inbox
         )
         recorder.start()
         return RecordedControl(control, inbox)
@@ -200,7 +200,9 @@ def publishing(data: Path) -> Callable[[Control], Control]:
 
     def publish(control: Control) -> Control:
         machine = load_machine(MACHINE).machine
-        FeedServer(data, lambda: Observed(state=control.state, machine=machine, now_s=control.now_s())).launch()
+        FeedServer(
+            data, lambda: ObservedState(state=control.state, machine=machine, now_s=control.now_s())
+        ).launch()
         return control
 
     return publish

@@ -33,7 +33,7 @@ from console.session.cut.cut_verdict import CutJudgement
 from console.session.cut.telemetry import lag_left_um_pp, phase_limit_deg, unexpected_deg
 from console.session.learning.part_learning import accept
 from console.session.station.commands import Acknowledge, Measure, Start
-from profiles.compensations.learned import LearnedCompensation
+from profiles.compensations.learned_compensation import LearnedCompensation
 from profiles.compensations.path import LobedPath
 from profiles.job import Job
 from profiles.problem import ProblemError

@@ -50,9 +50,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = load(choose_language(words, os.environ, configuration.value("language")))
         hint_at_encoding(text)
         code = _run(words, text, configuration, problems)
-        return _flushed(_with_json(words, code, problems, text), text)
+        return _flush_output(_with_json(words, code, problems, text), text)
     except KeyboardInterrupt as interrupted:
-        return _with_json(words, _interrupted(interrupted, text), problems, text)
+        return _with_json(words, _report_interruption(interrupted, text), problems, text)
     finally:
         gc.enable()
 
@@ -69,7 +69,7 @@ def _run(words: list[str], text: Catalogue, configuration: Configuration, proble
     except OSError as error:
         # File and link errors have problem types of their own, so a bare write error here comes from the output.
         bare = error.filename is None and error.errno in OUTPUT_FAULTS
-        return _lost(error, text) if bare else _explain(error, text, problems)
+        return _report_lost_output(error, text) if bare else _explain(error, text, problems)
     except Exception as error:
         return _explain(error, text, problems)
 
@@ -79,8 +79,8 @@ def _dispatch(words: list[str], text: Catalogue, configuration: Configuration) -
 
     from console.cli.arguments import contradiction
     from console.cli.commands import COMMANDS, SHOWS_CONFIGURATION, build
-    from console.cli.configured import fill_in
-    from console.cli.logged import carried_out
+    from console.cli.configured_options import fill_in
+    from console.cli.logged_commands import carried_out
     from profiles.problem import ProblemError
 
     parser = build(text)
@@ -129,11 +129,11 @@ def _version(as_json: bool) -> int:
     return DONE
 
 
-def _interrupted(interrupted: KeyboardInterrupt, text: Catalogue | None) -> int:
+def _report_interruption(interrupted: KeyboardInterrupt, text: Catalogue | None) -> int:
     signal = str(interrupted) or "SIGINT"
     if text is None:  # raised before the language was chosen
         return _complain(f"ended by {signal}; this command was not moving anything")
-    _flushed(FAILED, text)
+    _flush_output(FAILED, text)
     return _complain(text("error.interrupted", signal=signal))
 
 
@@ -160,7 +160,7 @@ def _complain(line: str) -> int:
     return FAILED
 
 
-def _flushed(code: int, text: Catalogue) -> int:
+def _flush_output(code: int, text: Catalogue) -> int:
     """Return the exit code; a result that could not be written counts as a failure."""
     try:
         sys.stdout.flush()
@@ -168,7 +168,7 @@ def _flushed(code: int, text: Catalogue) -> int:
         _forget_output()
     except OSError as fault:
         if code == DONE:
-            return _lost(fault, text)
+            return _report_lost_output(fault, text)
         _forget_output()  # the failure has been reported
     try:
         sys.stderr.flush()
@@ -177,7 +177,7 @@ def _flushed(code: int, text: Catalogue) -> int:
     return code
 
 
-def _lost(fault: OSError, text: Catalogue) -> int:
+def _report_lost_output(fault: OSError, text: Catalogue) -> int:
     _complain(text("error.output", value=fault.strerror or str(fault)))
     _forget_output()
     return FAILED

@@ -48,7 +48,7 @@ SPELLED = {"±": "+/-", "…": "...", "≤": "<=", "≥": ">=", "≠": "!="}
 """Signs that more than one character of ASCII stands for, where a line may get longer."""
 
 
-def spelled(text: str, encoding: str | None) -> str:
+def spell_unencodable(text: str, encoding: str | None) -> str:
     """Return a text whose signs are spelled out that this encoding has not."""
     if text.isascii() or encoding is None:
         return text
@@ -89,7 +89,7 @@ def _cell(value: object) -> object:
     return ("'" if value.startswith(FORMULA) else "") + escaped_line(value)
 
 
-def escaped(text: str) -> str:
+def escape_text(text: str) -> str:
     """Return a text in which nothing can control the terminal; line breaks and tabs stay."""
     return _STRANGE.sub(_printable, text)
 
@@ -98,7 +98,7 @@ def escaped_line(text: str) -> str:
     """Return the same for a text that must stay on its line."""
     if text.isprintable():
         return text
-    return escaped(text).replace("\n", r"\n").replace("\t", r"\t")
+    return escape_text(text).replace("\n", r"\n").replace("\t", r"\t")
 
 
 def encodable(text: str, encoding: str | None) -> str:
@@ -122,7 +122,7 @@ def _harmless(character: str) -> bool:
     return character.isprintable() or unicodedata.category(character) == "Zs"
 
 
-def _replaced(error: UnicodeError) -> tuple[str, int]:
+def _replace_unencodable(error: UnicodeError) -> tuple[str, int]:
     """Return the replacement for what an encoding lacks: something similar, or question marks."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
@@ -138,4 +138,4 @@ def _in_ascii(character: str) -> str:
     return "??" if unicodedata.east_asian_width(character) in "WF" else "?"
 
 
-codecs.register_error(CELLS, _replaced)
+codecs.register_error(CELLS, _replace_unencodable)

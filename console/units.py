@@ -53,34 +53,34 @@ class Units:
 
     def unit(self, unit: str) -> str:
         """Return the name under which one of our units ("mm", "um", "mm/s", "mm/rev") is shown."""
-        return self._shown(unit).name or unit
+        return self._display_unit(unit).name or unit
 
     def size(self, unit: str) -> float:
         """Return how large the shown unit is in ours: 25.4 for "mm" in inches, else 1."""
-        return float(self._shown(unit).size)
+        return float(self._display_unit(unit).size)
 
     def figure(self, value: float, unit: str, decimals: int, sign: str = "") -> str:
         """Return a value of our unit as a number of the shown one; `decimals` are those of our unit.
 
         `sign` is a sign of a format specification, such as "+z".
         """
-        shown = self._shown(unit)
+        shown = self._display_unit(unit)
         return f"{value / float(shown.size):{sign}.{max(decimals + shown.more, 0)}f}"
 
     def show(self, value: float, unit: str, decimals: int, sign: str = "") -> str:
         """Return a value of our unit as it is shown, with its unit."""
         return f"{self.figure(value, unit, decimals, sign)} {self.unit(unit)}"
 
-    def short(self, value: float, unit: str) -> str:
+    def format_short(self, value: float, unit: str) -> str:
         """Return a value as a number without needless zeros, for a limit or a scale."""
-        return f"{value:g}" if self._shown(unit) is _SAME else f"{value / self.size(unit):.5g}"
+        return f"{value:g}" if self._display_unit(unit) is _SAME else f"{value / self.size(unit):.5g}"
 
     def exact(self, value: float, unit: str, decimals: int) -> str:
         """Return a number with these decimals of our unit, or with more where rounding would change it.
 
         A quotient without end has the decimals that lose nothing; what was typed in inches has those typed.
         """
-        shown = self._shown(unit)
+        shown = self._display_unit(unit)
         decimals = max(decimals + shown.more, 0)
         quotient = Decimal(repr(value)) / shown.size
         text = f"{quotient:.{decimals}f}"
@@ -88,9 +88,9 @@ class Units:
         ends = -int(quotient.normalize().as_tuple().exponent) <= most
         return text if Decimal(text) == quotient or not ends else format(quotient.normalize(), "f")
 
-    def bound(self, value: float, unit: str, *, upper: bool) -> str:
+    def format_limit(self, value: float, unit: str, *, upper: bool) -> str:
         """Return a limit as a number that is itself within: an upper one rounded down, a lower one up."""
-        shown = self._shown(unit)
+        shown = self._display_unit(unit)
         if shown is _SAME:
             return f"{value:.10g}"
         factor = 10 ** max(3 + shown.more, 0)
@@ -98,12 +98,12 @@ class Units:
         whole = math.floor(scaled) if upper else math.ceil(scaled)
         return format((Decimal(whole) / factor).normalize(), "f")
 
-    def ours(self, plain: str, unit: str) -> str:
+    def to_own_unit(self, plain: str, unit: str) -> str:
         """Return a typed number (digits and a point) of the shown unit as one of ours, exactly, in digits."""
-        shown = self._shown(unit)
+        shown = self._display_unit(unit)
         return plain if shown is _SAME else format(Decimal(plain) * shown.size, "f")
 
-    def beside(self, sentence: str) -> str:
+    def add_inches(self, sentence: str) -> str:
         """Return a sentence with each of its lengths in inches beside it, in brackets; as it is without inches.
 
         For messages, whose values are quoted in the unit in which they were judged.
@@ -115,7 +115,7 @@ class Units:
         numbers = [self.figure(float(each), unit, _decimals(each)) for each in (first, second) if each is not None]
         return f"{found[0]} ({(between or '').join(numbers)} {self.unit(unit)})"
 
-    def _shown(self, unit: str) -> _Shown:
+    def _display_unit(self, unit: str) -> _Shown:
         return _INCH.get(unit, _SAME) if self.is_inch else _SAME
 
     @property

@@ -60,7 +60,7 @@ def radial_cutting_stiffness_n_per_mm2(material: Material, feed_mm_per_rev: floa
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Copying:
+class ErrorCopying:
     """How far a cut copies earlier errors: mu = Ks / k of the loop of tool, part and chuck in series."""
 
     stiffness_ratio: float
@@ -70,9 +70,9 @@ class Copying:
         return (self.stiffness_ratio / (1 + self.stiffness_ratio)) ** passes
 
 
-def copying(cut_n_per_um: float, loop_n_per_um: float) -> Copying:
+def copying(cut_n_per_um: float, loop_n_per_um: float) -> ErrorCopying:
     """Return the copying of a cut of stiffness dF_p / d ap in a loop of the other stiffness, both N/um."""
-    return Copying(stiffness_ratio=cut_n_per_um / loop_n_per_um)
+    return ErrorCopying(stiffness_ratio=cut_n_per_um / loop_n_per_um)
 
 
 def chatter_limit_mm(stiffness_n_per_um: float, damping_ratio: float, radial_n_per_mm2: float) -> float:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from profiles.axis.servo import tool_compliance_um_per_n
 from profiles.chucking.held_part import HeldPart, held_part
 from profiles.chucking.ring import THIN_WALL
-from profiles.cutting import Copying, CuttingForce, copying, nearest_mode, radial_cutting_stiffness_n_per_mm2
+from profiles.cutting import CuttingForce, ErrorCopying, copying, nearest_mode, radial_cutting_stiffness_n_per_mm2
 from profiles.cutting import chatter_limit_mm as limit_mm
-from profiles.findings import Finding, Severity, judged
+from profiles.findings import Finding, Severity, judge_condition
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -27,7 +27,7 @@ class CuttingProcess:
     """
 
     force: CuttingForce
-    copying: Copying
+    copying: ErrorCopying
     lobed_force_n: float
     lobed_motion_um: float
     work_n_per_um: float
@@ -74,7 +74,7 @@ def process_findings(part: HeldPart, machine: MachineProfile) -> tuple[Finding, 
 
     def warn_unless(holds: bool, code: str, key: str, value: str, limit: str) -> None:
         problem = Problem(code=code, key=key, value=value, limit=limit)
-        findings.append(judged(holds, problem, Severity.WARNING))
+        findings.append(judge_condition(holds, problem, Severity.WARNING))
 
     if not part.thin:
         value, limit = f"{part.force.passive_n:.6g} N", f"{part.per_jaw_n:.6g} N"

@@ -33,7 +33,7 @@ _UNKNOWN_CAP = 20  # more than these in one file mean that it is another kind of
 _MISSING_CAP = 3
 
 
-class Kind(StrEnum):
+class FieldType(StrEnum):
     """The type of a field. TEXTS is a list of texts."""
 
     NUMBER = "number"
@@ -43,7 +43,7 @@ class Kind(StrEnum):
     TEXTS = "texts"
 
 
-_CONVERSIONS: Mapping[Kind, Callable[[Any], object]] = {Kind.NUMBER: float, Kind.TEXTS: tuple}
+_CONVERSIONS: Mapping[FieldType, Callable[[Any], object]] = {FieldType.NUMBER: float, FieldType.TEXTS: tuple}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,7 @@ class Field:
     """
 
     key: str
-    kind: Kind = Kind.NUMBER
+    kind: FieldType = FieldType.NUMBER
     unit: str = ""
     above: float | None = None
     at_least: float | None = None
@@ -80,8 +80,8 @@ class Field:
         """What is allowed, as text with its unit: "> 0, <= 500 mm" or "measured | fitted"."""
         if self.choices:
             return " | ".join(self.choices)
-        if self.kind in (Kind.TEXT, Kind.TEXTS):
-            texts = '["...", ...], each ' if self.kind is Kind.TEXTS else ""
+        if self.kind in (FieldType.TEXT, FieldType.TEXTS):
+            texts = '["...", ...], each ' if self.kind is FieldType.TEXTS else ""
             return f"{texts}<= {self.longest} characters, one line"
         bounds = (("> ", self.above), (">= ", self.at_least), ("< ", self.below), ("<= ", self.at_most))
         return " ".join(filter(None, (", ".join(f"{s}{b:g}" for s, b in bounds if b is not None), self.unit)))
@@ -107,26 +107,26 @@ def read_fields(
         value = found[field.key]
         code = fault(field, value)
         if code:
-            problems.append(Problem(code=code, where=where, key=key, value=spelled(value), limit=field.limit))
+            problems.append(Problem(code=code, where=where, key=key, value=spell_toml(value), limit=field.limit))
         else:
             convert = _CONVERSIONS.get(field.kind)
             values[field.key] = convert(value) if convert else value
-    return values, _gathered(problems, where)
+    return values, _combine_missing_keys(problems, where)
 
 
 def fault(field: Field, value: object) -> str:
     """Return the problem code of `value` in `field`, or "" where it is valid."""
     match field.kind:
-        case Kind.TEXT:
+        case FieldType.TEXT:
             return _fault_of_text(field, value)
-        case Kind.TEXTS:
+        case FieldType.TEXTS:
             texts = value if isinstance(value, list | tuple) else [""]
             if not all(_is_text(each, field.longest) and not is_blank(each) for each in texts):
                 return "value.not_text"
             return "value.not_choice" if field.choices and not set(texts) <= set(field.choices) else ""
-        case Kind.CHOICE:
+        case FieldType.CHOICE:
             return "" if isinstance(value, str) and value in field.choices else "value.not_choice"
-        case Kind.WHOLE if isinstance(value, bool) or not isinstance(value, int):
+        case FieldType.WHOLE if isinstance(value, bool) or not isinstance(value, int):
             return "value.not_whole"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return "value.not_number"
@@ -165,7 +165,9 @@ def schema_problem(table: Mapping[str, Any], *, where: str) -> Problem | None:
     value = table.get("schema", SCHEMA)
     if type(value) is int and value == SCHEMA:
         return None
-    return Problem(code="schema.unsupported", where=where, key="schema", value=spelled(value), limit=str(SCHEMA))
+    return Problem(
+        code="schema.unsupported", where=where, key="schema", value=spell_toml(value), limit=str(SCHEMA)
+    )
 
 
 def unknown_keys(
@@ -184,7 +186,7 @@ def unknown_keys(
     return problems
 
 
-def spelled(value: object) -> str:
+def spell_toml(value: object) -> str:
     """Return `value` as TOML spells it, on one line and cut to 60 characters."""
     if isinstance(value, bool):
         text = "true" if value else "false"
@@ -194,7 +196,7 @@ def spelled(value: object) -> str:
     elif isinstance(value, str):
         text = '"' + value[:80].replace("\\", "\\\\").replace('"', '\\"') + '"'
     elif isinstance(value, list | tuple):
-        text = "[" + ", ".join(spelled(item) for item in value[:4]) + (", …]" if len(value) > 4 else "]")
+        text = "[" + ", ".join(spell_toml(item) for item in value[:4]) + (", …]" if len(value) > 4 else "]")
     elif isinstance(value, dict):
         text = "{" + ", ".join(str(key) for key in list(value)[:4]) + "}"
     else:
@@ -202,7 +204,7 @@ def spelled(value: object) -> str:
     return printable(text, 60)
 
 
-def _gathered(problems: list[Problem], where: str) -> list[Problem]:
+def _combine_missing_keys(problems: list[Problem], where: str) -> list[Problem]:
     """Return the problems, combined into one where they are only many missing keys."""
     if len(problems) <= _MISSING_CAP or any(problem.code != "key.missing" for problem in problems):
         return problems

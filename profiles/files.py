@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from profiles.folder_rights import may_be_ours, rights_in
-from profiles.problem import refused
+from profiles.problem import refusal_error
 
 TOML_CAP_BYTES = 1_000_000
 # Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
@@ -79,10 +79,10 @@ def read_regular_file(path: Path, *, cap_bytes: int, area: str = "file") -> byte
             content = file.read(cap_bytes + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise refused(f"{area}.unreadable", where=where, value=reason) from error
+        raise refusal_error(f"{area}.unreadable", where=where, value=reason) from error
     if len(content) > cap_bytes:
         value = f"> {cap_bytes} bytes"
-        raise refused(f"{area}.too_large", where=where, value=value, limit=f"<= {cap_bytes} bytes")
+        raise refusal_error(f"{area}.too_large", where=where, value=value, limit=f"<= {cap_bytes} bytes")
     return content
 
 
@@ -92,7 +92,7 @@ def refuse_nul(content: bytes, where: str) -> None:
     UTF-8 decodes it without complaint, and every line of it is then wrong. A single one is told with its line.
     """
     if _NUL_PART * content.count(b"\0") >= max(len(content), 1):
-        raise refused("file.nul_bytes", where=where)
+        raise refusal_error("file.nul_bytes", where=where)
 
 
 def parse_toml(content: bytes, where: str) -> dict[str, Any]:
@@ -122,7 +122,7 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
         row, column = _toml_place(str(error), lines)
         code = "file.key_twice" if _STATED_TWICE.match(str(error)) else code
     shown = printable(lines[min(row, len(lines)) - 1].strip(), TOML_LINE_SHOWN)
-    raise refused(code, where=where, key=str(row), value=str(column), limit=f'"{shown}"')
+    raise refusal_error(code, where=where, key=str(row), value=str(column), limit=f'"{shown}"')
 
 
 def _toml_place(reason: str, lines: Sequence[str]) -> tuple[int, int]:
@@ -206,10 +206,10 @@ def written_atomically(path: Path, *, overwrite: bool, private: bool = False) ->
             _move(temporary, target, overwrite=overwrite)
         synchronise_folder(target.parent)
     except FileExistsError as error:
-        raise refused("file.exists", where=where) from error
+        raise refusal_error("file.exists", where=where) from error
     except (OSError, ValueError, RuntimeError) as error:  # RuntimeError: a loop of symbolic links
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise refused("file.not_writable", where=where, value=reason) from error
+        raise refusal_error("file.not_writable", where=where, value=reason) from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)

@@ -32,12 +32,12 @@ class Finding:
     problem: Problem
 
 
-def judged(holds: bool, problem: Problem, otherwise: Severity = Severity.REFUSAL) -> Finding:
+def judge_condition(holds: bool, problem: Problem, otherwise: Severity = Severity.REFUSAL) -> Finding:
     """Return the finding of a condition: ok where it holds, else of the severity `otherwise`."""
     return Finding(severity=Severity.OK if holds else otherwise, problem=problem)
 
 
-class Judged(Protocol):
+class HasSeverity(Protocol):
     """Anything with a severity."""
 
     @property
@@ -45,7 +45,7 @@ class Judged(Protocol):
         """How bad it is."""
 
 
-def worst(judged: Iterable[Judged]) -> Severity:
+def worst(judged: Iterable[HasSeverity]) -> Severity:
     """Return the worst severity; nothing judged is ok."""
     return max((each.severity for each in judged), key=lambda each: each.rank, default=Severity.OK)
 

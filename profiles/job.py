@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from profiles.fields import Field, Kind, flatten, read_fields, schema_problem
+from profiles.fields import Field, FieldType, flatten, read_fields, schema_problem
 from profiles.problem import Problem, ProfileError
 
 # Suffix of the source of a job whose lobe was found on a simulated part.
@@ -153,12 +153,12 @@ def _number(key: str, table: str, unit: str, at_least: float, at_most: float, *,
 
 
 _CONTENT = (
-    Field(key="name", kind=Kind.TEXT),
-    Field(key="material", kind=Kind.TEXT, table="workpiece"),
+    Field(key="name", kind=FieldType.TEXT),
+    Field(key="material", kind=FieldType.TEXT, table="workpiece"),
     _number("diameter_mm", "workpiece", "mm", LEAST_MM, 500),
     _number("wall_thickness_mm", "workpiece", "mm", LEAST_MM, 250),
     _number("overhang_mm", "workpiece", "mm", LEAST_MM, 1000),
-    Field(key="jaws", kind=Kind.WHOLE, table="chuck", at_least=2, at_most=12),
+    Field(key="jaws", kind=FieldType.WHOLE, table="chuck", at_least=2, at_most=12),
     _number("chucking_force_n", "chuck", "N", LEAST_N, 100_000),
     _number("depth_of_cut_mm", "cut", "mm", LEAST_CUT_MM, 5),
     _number("feed_mm_per_rev", "cut", "mm/rev", LEAST_CUT_MM, 1),
@@ -166,7 +166,7 @@ _CONTENT = (
     _number("cut_length_mm", "cut", "mm", LEAST_MM, 1000),
     Field(key="lobe_error_um_pp", table="lobe", unit="um", at_least=0, at_most=1000),
     Field(key="lobe_phase_deg", table="lobe", unit="deg", at_least=-360, at_most=360),
-    Field(key="lobe_error_source", kind=Kind.CHOICE, table="lobe", choices=LOBE_ERROR_SOURCES),
+    Field(key="lobe_error_source", kind=FieldType.CHOICE, table="lobe", choices=LOBE_ERROR_SOURCES),
     _number("roundness_tolerance_um", "lobe", "um", 0.001, 1000),
     _number("diameter_tolerance_um", "workpiece", "um", 0.1, 10_000, optional=True),
     _number("lobe_force_n", "lobe", "N", LEAST_N, 100_000, optional=True),
@@ -174,22 +174,22 @@ _CONTENT = (
     _number("lobe_overhang_mm", "lobe", "mm", LEAST_MM, 1000, optional=True),
     _number("lobe_wall_thickness_mm", "lobe", "mm", LEAST_MM, 250, optional=True),
     _number("lobe_diameter_mm", "lobe", "mm", LEAST_MM, 500, optional=True),
-    Field(key="lobe_material", kind=Kind.TEXT, table="lobe", optional=True),
-    Field(key="lobe_jaws", kind=Kind.WHOLE, table="lobe", at_least=2, at_most=12, optional=True),
-    Field(key="lobe_chuck", kind=Kind.TEXT, table="lobe", optional=True),
-    Field(key="lobe_tool", kind=Kind.TEXT, table="lobe", optional=True),
+    Field(key="lobe_material", kind=FieldType.TEXT, table="lobe", optional=True),
+    Field(key="lobe_jaws", kind=FieldType.WHOLE, table="lobe", at_least=2, at_most=12, optional=True),
+    Field(key="lobe_chuck", kind=FieldType.TEXT, table="lobe", optional=True),
+    Field(key="lobe_tool", kind=FieldType.TEXT, table="lobe", optional=True),
     Field(key="lobe_past_jaw_deg", table="lobe", unit="deg", at_least=-180, at_most=180, optional=True),
     Field(key="lobe_growth_percent_per_mm", table="lobe", unit="%/mm", at_least=-20, at_most=20, optional=True),
 )
 
 JOB_FIELDS: tuple[Field, ...] = (
-    Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
+    Field(key="schema", kind=FieldType.WHOLE, default=1, at_least=1, at_most=1),
     *_CONTENT,
-    Field(key="note", kind=Kind.TEXT, default=""),
-    Field(key="tags", kind=Kind.TEXTS, default=()),
-    Field(key="source", kind=Kind.TEXT, default=""),
-    Field(key="copied_from", kind=Kind.TEXT, optional=True),
-    Field(key="assumed", kind=Kind.TEXTS, default=(), choices=tuple(each.key for each in _CONTENT)),
+    Field(key="note", kind=FieldType.TEXT, default=""),
+    Field(key="tags", kind=FieldType.TEXTS, default=()),
+    Field(key="source", kind=FieldType.TEXT, default=""),
+    Field(key="copied_from", kind=FieldType.TEXT, optional=True),
+    Field(key="assumed", kind=FieldType.TEXTS, default=(), choices=tuple(each.key for each in _CONTENT)),
 )
 """Every key of a job with its limits, in the order in which a form or a file shows them."""
 
@@ -227,12 +227,12 @@ def with_labels(content: bytes, note: str, tags: Sequence[str]) -> bytes:
     """Return the bytes of a job file with these labels as its first lines; all other bytes stay."""
     plain = without_labels(content)
     mark = _MARK if plain.startswith(_MARK) else b""
-    lines = [f"note = {_spelled(note)}\n"] if note else []
-    lines += [f"tags = [{', '.join(map(_spelled, tags))}]\n"] if tags else []
+    lines = [f"note = {_spell_toml_text(note)}\n"] if note else []
+    lines += [f"tags = [{', '.join(map(_spell_toml_text, tags))}]\n"] if tags else []
     return mark + "".join(lines).encode() + plain.removeprefix(mark)
 
 
-def _spelled(text: str) -> str:
+def _spell_toml_text(text: str) -> str:
     """Return a text of printable characters as TOML writes it, which is as JSON does."""
     import json  # not for the first page
 

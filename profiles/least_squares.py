@@ -81,7 +81,7 @@ def fit(columns: Floats, values: Floats, root_weight: Floats | None = None) -> F
     """Fit M values by k columns, shapes (M,) and (M, k); `root_weight` (M,) is 1 / sigma, 1 without it."""
     root = np.ones_like(values) if root_weight is None else root_weight
     weighed, target = columns * root[:, None], values * root
-    known, condition = _solved(weighed)
+    known, condition = _solve_normal_equations(weighed)
     coefficients = known @ (weighed.T @ target)
     coefficients += known @ (weighed.T @ (target - weighed @ coefficients))  # refinement for the last digits
     residuals = values - columns @ coefficients
@@ -99,7 +99,7 @@ def fit(columns: Floats, values: Floats, root_weight: Floats | None = None) -> F
 
 def cofactors(columns: Floats) -> Floats:
     """Return (X' X)^-1 of columns (M, k) that are already weighted; shape (k, k)."""
-    return _solved(columns)[0]
+    return _solve_normal_equations(columns)[0]
 
 
 def huber_distances(columns: Floats, values: Floats, root_weight: Floats, least: float, settled: float) -> Floats:
@@ -121,7 +121,7 @@ def huber_distances(columns: Floats, values: Floats, root_weight: Floats, least:
     return distance
 
 
-def _solved(columns: Floats) -> tuple[Floats, float]:
+def _solve_normal_equations(columns: Floats) -> tuple[Floats, float]:
     """Return cofactors and condition, by the normal equations: ten times as fast as by singular values.
 
     A direction that is only rounding, which has an infinite condition, is left out.

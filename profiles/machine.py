@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from profiles.fields import is_blank, read_fields, schema_problem, spelled, unknown_keys
+from profiles.fields import is_blank, read_fields, schema_problem, spell_toml, unknown_keys
 from profiles.machine_fields import (
     OPTIONAL_SECTIONS,
     SECTIONS,
@@ -32,7 +32,7 @@ MACHINE, SIMULATOR = SIGNED_FOR
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Controller:
+class ControllerProfile:
     """The motion controller. `family` is "pmac" or "turbo".
 
     `background_ms` is the period of its background work (limits, stops). `axis_definitions` are in its own
@@ -237,7 +237,7 @@ class MachineProfile:
     """
 
     name: str
-    controller: Controller
+    controller: ControllerProfile
     tool: ToolAxis
     spindle: Spindle
     carriage: Carriage
@@ -267,7 +267,7 @@ def machine_from_table(table: Mapping[str, Any], *, where: str = "") -> MachineP
     if problems:
         raise ProfileError(*problems)
     return MachineProfile(
-        controller=Controller(**sections["controller"]),
+        controller=ControllerProfile(**sections["controller"]),
         tool=ToolAxis(**sections["tool"]),
         spindle=Spindle(**sections["spindle"]),
         carriage=Carriage(**sections["carriage"]),
@@ -307,7 +307,7 @@ def _table(
     inner = table.get(name)
     if isinstance(inner, dict):
         return inner
-    code, value = ("key.missing", "") if inner is None else ("value.not_table", spelled(inner))
+    code, value = ("key.missing", "") if inner is None else ("value.not_table", spell_toml(inner))
     problems.append(Problem(code=code, where=where, key=prefix + name, value=value, limit=f"[{prefix}{name}]"))
     return None
 
@@ -345,7 +345,7 @@ def signature_gaps(sections: Mapping[str, Mapping[str, Any]], *, where: str) -> 
     if not signed_by:
         return []
     if not is_signature(signed_by):
-        return [Problem(code="safety.nobody_named", where=where, key=key, value=spelled(signed_by))]
+        return [Problem(code="safety.nobody_named", where=where, key=key, value=spell_toml(signed_by))]
     if safety.get("signed_for") != "":
         return []
     return [Problem(code="key.missing", where=where, key="safety.signed_for", limit=" | ".join(SIGNED_FOR))]

@@ -11,7 +11,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any
 
-from profiles.fields import Field, Kind, fault, spelled
+from profiles.fields import Field, FieldType, fault, spell_toml
 from profiles.problem import Problem
 
 FAMILIES = ("pmac", "turbo")
@@ -33,14 +33,14 @@ _VARIABLE_FIELD = Field(key="", at_least=-(2.0**47), at_most=2.0**47)
 
 # Minimum ratio of a value above 0 to its maximum: smaller ones are a wrong unit, and break quotients.
 LEAST_FRACTION = 1e-8
-_MOTOR = Field(key="motor", kind=Kind.WHOLE, at_least=1, at_most=8)
+_MOTOR = Field(key="motor", kind=FieldType.WHOLE, at_least=1, at_most=8)
 
 TOP_FIELDS: tuple[Field, ...] = (
-    Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
-    Field(key="name", kind=Kind.TEXT),
-    Field(key="source", kind=Kind.TEXT, default=""),
-    Field(key="assumed", kind=Kind.TEXTS, default=()),
-    Field(key="link", kind=Kind.TEXT, default=""),
+    Field(key="schema", kind=FieldType.WHOLE, default=1, at_least=1, at_most=1),
+    Field(key="name", kind=FieldType.TEXT),
+    Field(key="source", kind=FieldType.TEXT, default=""),
+    Field(key="assumed", kind=FieldType.TEXTS, default=()),
+    Field(key="link", kind=FieldType.TEXT, default=""),
 )
 
 # Optional sections of a profile: every key of them has a default.
@@ -67,10 +67,10 @@ NOTCH_KEYS = ("notch_n1", "notch_n2", "notch_d1", "notch_d2")
 SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {
         "controller": (
-            Field(key="family", kind=Kind.CHOICE, choices=FAMILIES),
+            Field(key="family", kind=FieldType.CHOICE, choices=FAMILIES),
             _positive("servo_period_ms", "ms", 10),
             _positive("background_ms", "ms", 1000),
-            Field(key="axis_definitions", kind=Kind.TEXTS),
+            Field(key="axis_definitions", kind=FieldType.TEXTS),
         ),
         "tool": (
             _MOTOR,
@@ -97,18 +97,18 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _positive("retract_mm", "mm", 100),
             _positive("wiper_land_mm", "mm", 10),
             _known("bus_voltage_v", "V", 1000),
-            Field(key="name", kind=Kind.TEXT, default=""),
+            Field(key="name", kind=FieldType.TEXT, default=""),
             *(Field(key=each, at_least=-2, below=2, default=0.0) for each in NOTCH_KEYS),
             Field(key="passive_force_fraction", at_least=0, at_most=1, default=0.0),
         ),
         "spindle": (
             _MOTOR,
-            Field(key="encoder_lines_per_rev", kind=Kind.WHOLE, at_least=1, at_most=1_000_000),
-            Field(key="counts_per_line", kind=Kind.WHOLE, at_least=1, at_most=65_536),
+            Field(key="encoder_lines_per_rev", kind=FieldType.WHOLE, at_least=1, at_most=1_000_000),
+            Field(key="counts_per_line", kind=FieldType.WHOLE, at_least=1, at_most=65_536),
             _positive("max_speed_rpm", "rpm", 100_000),
             _positive("inertia_kg_m2", "kg m2", 1000),
             _positive("peak_torque_n_m", "N m", 100_000),
-            Field(key="drive", kind=Kind.CHOICE, choices=SPINDLE_DRIVES, default="servo"),
+            Field(key="drive", kind=FieldType.CHOICE, choices=SPINDLE_DRIVES, default="servo"),
             _known("ramp_rpm_per_s", "rpm/s", 1_000_000),
             Field(key="slip_rpm", unit="rpm", at_least=0, at_most=10_000, optional=True),
         ),
@@ -121,7 +121,7 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _travel("travel_max_mm"),
         ),
         "chuck": (
-            Field(key="jaws", kind=Kind.WHOLE, at_least=2, at_most=12),
+            Field(key="jaws", kind=FieldType.WHOLE, at_least=2, at_most=12),
             _positive("jaw_mass_kg", "kg", 1000),
             _positive("jaw_radius_mm", "mm", 1000),
             _positive("max_force_n", "N", 1_000_000),
@@ -134,17 +134,17 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             Field(key="force_offset_n", unit="N", at_least=-100_000, at_most=100_000, optional=True),
             _known("force_sd_percent", "%", 50),
             _known("work_mode_hz", "Hz", 100_000),
-            Field(key="name", kind=Kind.TEXT, default=""),
+            Field(key="name", kind=FieldType.TEXT, default=""),
         ),
         "heartbeat": (
-            Field(key="policy", kind=Kind.CHOICE, choices=LOSS_POLICIES, default="retract"),
+            Field(key="policy", kind=FieldType.CHOICE, choices=LOSS_POLICIES, default="retract"),
             Field(key="grace_ms", unit="ms", at_least=1, at_most=60_000, default=1100.0),
         ),
         "safety": (
-            *(Field(key=key, kind=Kind.CHOICE, choices=FITTED, default="unknown") for key in SAFETY_DEVICES),
-            Field(key="signed_by", kind=Kind.TEXT, default=""),
-            Field(key="signed_for", kind=Kind.CHOICE, choices=SIGNED_FOR, default=""),
-            Field(key="inputs", kind=Kind.TEXTS, default=()),
+            *(Field(key=key, kind=FieldType.CHOICE, choices=FITTED, default="unknown") for key in SAFETY_DEVICES),
+            Field(key="signed_by", kind=FieldType.TEXT, default=""),
+            Field(key="signed_for", kind=FieldType.CHOICE, choices=SIGNED_FOR, default=""),
+            Field(key="inputs", kind=FieldType.TEXTS, default=()),
         ),
     }
 )
@@ -163,13 +163,15 @@ def read_variables(
     for name, value in given.items():
         key = f"controller.variables.{name}"
         if not _VARIABLE.fullmatch(name):
-            problems.append(Problem(code="key.unknown", where=where, key=spelled(key)[1:-1], limit="I0 … I9999"))
+            problems.append(
+                Problem(code="key.unknown", where=where, key=spell_toml(key)[1:-1], limit="I0 … I9999")
+            )
         elif code := fault(_VARIABLE_FIELD, value):
             limit = _VARIABLE_FIELD.limit
-            problems.append(Problem(code=code, where=where, key=key, value=spelled(value), limit=limit))
+            problems.append(Problem(code=code, where=where, key=key, value=spell_toml(value), limit=limit))
         elif isinstance(value, int | float):
             if name in limits and value <= 0:
-                problems.append(impossible(key, spelled(value), "> 0", where))
+                problems.append(impossible(key, spell_toml(value), "> 0", where))
             values[name] = value
     needed = [*_REQUIRED_GLOBALS, *(f"I{motor}{suffix}" for motor in motors for suffix in _REQUIRED_SUFFIXES)]
     missing = (f"controller.variables.{name}" for name in needed if name not in given)
@@ -182,7 +184,7 @@ def read_assumed(assumed: Sequence[str], *, where: str) -> list[Problem]:
     known = {f"{section}.{field.key}" for section, fields in SECTIONS.items() for field in fields}
     known.add("controller.variables")
     return [
-        Problem(code="value.not_choice", where=where, key="assumed", value=spelled(name), limit="table.key")
+        Problem(code="value.not_choice", where=where, key="assumed", value=spell_toml(name), limit="table.key")
         for name in assumed
         if name not in known and not _VARIABLE.fullmatch(name.removeprefix("controller.variables."))
     ]
@@ -198,7 +200,7 @@ def inverter_problems(sections: Mapping[str, Mapping[str, Any]], *, where: str) 
     given = [key for key in _OF_INVERTER if spindle.get(key) is not None]
     if spindle.get("drive") == "servo":
         needed = 'spindle.drive = "inverter"'
-        return [impossible(f"spindle.{key}", spelled(spindle[key]), needed, where) for key in given]
+        return [impossible(f"spindle.{key}", spell_toml(spindle[key]), needed, where) for key in given]
     if spindle.get("drive") != "inverter":
         return []
     motor, axes = spindle.get("motor"), "axis_definitions"
@@ -206,7 +208,7 @@ def inverter_problems(sections: Mapping[str, Mapping[str, Any]], *, where: str) 
     return [
         *(Problem(code="key.missing", where=where, key=key) for key in missing),
         *(
-            impossible(f"controller.{axes}", spelled(text), f"#{motor}->0", where)
+            impossible(f"controller.{axes}", spell_toml(text), f"#{motor}->0", where)
             for text in controller.get(axes, ())
             if (found := _DEFINED_MOTOR.match(text)) and int(found[1]) == motor
         ),

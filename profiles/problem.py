@@ -51,6 +51,6 @@ class ProfileError(ProblemError):
     """A job, a machine profile or a trace that cannot be used."""
 
 
-def refused(code: str, *, where: str = "", key: str = "", value: str = "", limit: str = "") -> ProfileError:
+def refusal_error(code: str, *, where: str = "", key: str = "", value: str = "", limit: str = "") -> ProfileError:
     """Return the error of one problem."""
     return ProfileError(Problem(code=code, where=where, key=key, value=value, limit=limit))

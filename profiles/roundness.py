@@ -23,24 +23,24 @@ from profiles.metrology.harmonics import (
     Feature,
     Harmonic,
     at_equal_angles,
-    between,
-    bridged,
+    bridge_gaps,
     bridging_order,
     features,
     harmonics,
     has_gap,
+    interpolate_profile,
     suspects,
 )
 from profiles.metrology.points import (
     POINTS_PER_UNDULATION,
     angle_weights,
-    checked,
+    check_points,
     equally_spaced,
     gaussian_filter,
     largest_gap,
     largest_gap_deg,
 )
-from profiles.problem import Problem, refused
+from profiles.problem import Problem, refusal_error
 
 # The ovality, p-p, that the limacon model may add before the part is taken about its own centre.
 _MOST_OVALITY_UM = 0.05
@@ -109,7 +109,7 @@ class RoundnessResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Centred:
+class _CentredProfile:
     """A profile about its least squares circle, um, at angles about the axis, or about its own centre; (M,) each.
 
     In the gaps of the trace, and at equal angles once it is filtered, its points are interpolated.
@@ -136,16 +136,18 @@ class _Method:
         """The widest step that still shows what passes the filter: wider ones are bridged, and told."""
         return 360.0 / (POINTS_PER_UNDULATION * (self.filter_upr or _UNFILTERED_UPR))
 
-    def profile(self, angle: Floats, deviation: Floats) -> _Centred:
+    def profile(self, angle: Floats, deviation: Floats) -> _CentredProfile:
         """Return the whole profile of M points, (M,) each: gaps bridged, centred, filtered."""
         if self.filter_upr is not None and not (math.isfinite(self.filter_upr) and self.filter_upr > 0.0):
-            raise refused("value.out_of_range", key="filter_upr", value=f"{self.filter_upr:g}", limit="> 0 UPR")
+            raise refusal_error(
+                "value.out_of_range", key="filter_upr", value=f"{self.filter_upr:g}", limit="> 0 UPR"
+            )
         if has_gap(angle, self.widest_deg):
-            angle, deviation = bridged(angle, deviation, self.widest_deg)
-        centred = _centred(angle, deviation, self.radius_mm)
+            angle, deviation = bridge_gaps(angle, deviation, self.widest_deg)
+        centred = _centre_profile(angle, deviation, self.radius_mm)
         if self.filter_upr is None and self.above_upr is None:
             return centred
-        return _filtered(centred, self.filter_upr, self.above_upr)
+        return _filter_profile(centred, self.filter_upr, self.above_upr)
 
 
 def evaluate(
@@ -171,7 +173,7 @@ def evaluate(
     warning, says that an eccentricity may show as an oval, and of which radii. `robust` excludes dirt (suspect
     points by themselves or few together) and counts it; more neighbours are features, and stay.
     """
-    angle, deviation = checked(angle_deg, deviation_um)
+    angle, deviation = check_points(angle_deg, deviation_um)
     method = _Method(filter_upr=filter_upr, above_upr=above_upr, radius_mm=radius_mm)
     spiked = () if robust else _spikes(angle, deviation)
     suspect = suspects(angle, deviation) if robust else np.zeros(angle.shape, dtype=bool)
@@ -223,11 +225,11 @@ def _result(angle: Floats, deviation: Floats, method: _Method) -> RoundnessResul
 
 def centred_profile(angle_deg: ArrayLike, deviation_um: ArrayLike, filter_upr: float | None = 50.0) -> Floats:
     """Return the local deviations from the least squares circle, filtered, in the given order; shape (M,)."""
-    angle, deviation = checked(angle_deg, deviation_um)
+    angle, deviation = check_points(angle_deg, deviation_um)
     found = _Method(filter_upr=filter_upr).profile(angle, deviation)
     if found.angle_deg is angle:
         return found.profile_um
-    return between(found.angle_deg, found.profile_um, angle)
+    return interpolate_profile(found.angle_deg, found.profile_um, angle)
 
 
 def profile_of(
@@ -244,7 +246,7 @@ def profile_of(
     for a trace that is interpolated: see `evaluate`, also for `radius_mm` and what is raised.
     """
     method = _Method(filter_upr=filter_upr, radius_mm=radius_mm)
-    centred = method.profile(*checked(angle_deg, deviation_um))
+    centred = method.profile(*check_points(angle_deg, deviation_um))
     angle, profile = centred.angle_deg, centred.profile_um
     if kind == LEAST_SQUARES:
         return angle, profile
@@ -253,23 +255,23 @@ def profile_of(
     return angle, profile - circle.deviation_um - x_um * np.cos(theta) - y_um * np.sin(theta)
 
 
-def _centred(angle_deg: Floats, deviation_um: Floats, radius_mm: float | None) -> _Centred:
+def _centre_profile(angle_deg: Floats, deviation_um: Floats, radius_mm: float | None) -> _CentredProfile:
     """Subtract the circle of the points."""
     mean_um, x_um, y_um = least_squares(angle_deg, deviation_um)
     theta = np.radians(angle_deg)
     profile = deviation_um - mean_um - x_um * np.cos(theta) - y_um * np.sin(theta)
-    centred = _Centred(angle_deg=angle_deg, profile_um=profile, mean_um=mean_um, x_um=x_um, y_um=y_um)
+    centred = _CentredProfile(angle_deg=angle_deg, profile_um=profile, mean_um=mean_um, x_um=x_um, y_um=y_um)
     if radius_mm is None or seen_oval_um_pp(math.hypot(x_um, y_um), radius_mm) <= _MOST_OVALITY_UM:
         return centred
     if math.hypot(x_um, y_um) > 1000 * _MOST_ECCENTRIC * radius_mm:
         value, limit = f"{math.hypot(x_um, y_um):.0f} um", f"<= {1000 * _MOST_ECCENTRIC * radius_mm:.0f} um"
-        raise refused("trace.eccentric", key="eccentricity", value=value, limit=limit)
+        raise refusal_error("trace.eccentric", key="eccentricity", value=value, limit=limit)
     distance = 1000 * radius_mm + deviation_um
     x, y = distance * np.cos(theta), distance * np.sin(theta)
     circle = geometric_circle(LEAST_SQUARES, x, y, (x_um, y_um))
     centre = (circle.centre_x_um, circle.centre_y_um)
     angle, own_um = polar(x, y, centre)
-    return _Centred(
+    return _CentredProfile(
         angle_deg=angle,
         profile_um=own_um - circle.deviation_um,
         mean_um=circle.deviation_um - 1000 * radius_mm,
@@ -279,9 +281,11 @@ def _centred(angle_deg: Floats, deviation_um: Floats, radius_mm: float | None) -
     )
 
 
-def _filtered(centred: _Centred, filter_upr: float | None, above_upr: float | None) -> _Centred:
+def _filter_profile(
+    centred: _CentredProfile, filter_upr: float | None, above_upr: float | None
+) -> _CentredProfile:
     if filter_upr is None:
-        raise refused("value.out_of_range", key="filter_upr", value="none", limit=f"> {above_upr} UPR")
+        raise refusal_error("value.out_of_range", key="filter_upr", value="none", limit=f"> {above_upr} UPR")
     if not equally_spaced(centred.angle_deg):
         angle, profile = at_equal_angles(centred.angle_deg, centred.profile_um)
         centred = replace(centred, angle_deg=angle, profile_um=profile)
@@ -301,7 +305,7 @@ def _gap(angle: Floats, deviation: Floats, method: _Method, ront_um: float) -> t
     last_deg = (first_deg + gap_deg) % 360.0 or 360.0
     key, value = f"{first_deg:.6g} - {last_deg:.6g} deg", f"{max(effect_um, 0.01):.2f} um"
     if effect_um > allowed_um:
-        raise refused("trace.gap", key=key, value=value, limit=f"<= {allowed_um:.2g} um")
+        raise refusal_error("trace.gap", key=key, value=value, limit=f"<= {allowed_um:.2g} um")
     return (Problem(code="trace.interpolated", key=key, value=value, limit=f"{allowed_um:.2g} um"),)
 
 
@@ -320,12 +324,12 @@ def _effect_um(angle: Floats, deviation: Floats, gap_deg: float, room_deg: float
         gone = np.mod(whole_deg - place, 360.0) < gap_deg
         beside = np.mod(angle - place, 360.0) < gap_deg
         if largest_gap_deg(angle[~beside]) <= room_deg and gone.any():
-            bridge_um = between(whole_deg[~gone], whole_um[~gone], whole_deg[gone], order)
+            bridge_um = interpolate_profile(whole_deg[~gone], whole_um[~gone], whole_deg[gone], order)
             errors_um.append(float(np.abs(bridge_um - whole_um[gone]).max()))
     return sorted(errors_um)[-2] if len(errors_um) > 1 else float(np.ptp(whole_um))
 
 
-def _from_axis(circle: ReferenceCircle, centred: _Centred) -> ReferenceCircle:
+def _from_axis(circle: ReferenceCircle, centred: _CentredProfile) -> ReferenceCircle:
     return replace(
         circle,
         centre_x_um=circle.centre_x_um + centred.x_um,
@@ -363,7 +367,7 @@ def _spikes(angle_deg: Floats, deviation_um: Floats) -> tuple[Problem, ...]:
     return (Problem(code="trace.spike", key=key, value=value, limit=f"{allowed_um:.1f} um"),)
 
 
-def _off_axis(centred: _Centred, radius_mm: float | None) -> tuple[Problem, ...]:
+def _off_axis(centred: _CentredProfile, radius_mm: float | None) -> tuple[Problem, ...]:
     """Warn of a part of unknown radius that may look oval only because it is off the axis."""
     eccentricity_um = math.hypot(centred.x_um, centred.y_um)
     if radius_mm is not None or seen_oval_um_pp(eccentricity_um, SMALLEST_MM) <= _MOST_OVALITY_UM:

@@ -41,7 +41,7 @@ from functools import lru_cache
 from profiles.chucking.advice import force_span, wall_stress_mpa
 from profiles.chucking.grip import MOST_GRIP_LOSS, centrifugal_loss_n, grip_margin_n, lobe_um_per_n, needed_grip_n
 from profiles.chucking.holding import force_as_measured, holding_of
-from profiles.findings import Finding, Severity, judged, refusals
+from profiles.findings import Finding, Severity, judge_condition, refusals
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_conditions import any_stated, lobe_differences, lobe_unstated
 from profiles.machine import Carriage, MachineProfile, ToolAxis
@@ -60,11 +60,11 @@ LEAST_CHIP_MM = 0.005
 
 def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     """Return one finding for every rule that can be judged, in the order of the module's list."""
-    return _checked(SameObjects(job, machine))  # a page asks for its job ten times a second
+    return _check_rules(SameObjects(job, machine))  # a page asks for its job ten times a second
 
 
 @lru_cache(maxsize=4)
-def _checked(of: SameObjects[Job, MachineProfile]) -> tuple[Finding, ...]:
+def _check_rules(of: SameObjects[Job, MachineProfile]) -> tuple[Finding, ...]:
     job, machine = of.one, of.other
     of_part, of_grip = _part(job, machine), _grip(job, machine)
     span, key = force_span(job, machine), "chucking_force_n"
@@ -77,7 +77,7 @@ def _checked(of: SameObjects[Job, MachineProfile]) -> tuple[Finding, ...]:
         _at_most("rule.feed_over_land", "feed_mm_per_rev", job.feed_mm_per_rev, machine.tool.wiper_land_mm, "mm"),
         *_travel(job, machine),
         *_tool_load(job, machine),
-        judged(job.jaws == machine.chuck.jaws, jaws, Severity.WARNING),
+        judge_condition(job.jaws == machine.chuck.jaws, jaws, Severity.WARNING),
         *(() if job.lobe_force_n is None else (force_as_measured(job),)),
         *lobe_as_found(job, machine),
         *_chatter(job, machine, (*of_part, *of_grip)),
@@ -90,14 +90,14 @@ def lobe_as_found(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     One finding where everything stated is the same; none where nothing is stated.
     """
     if job.lobe_error_source == NO_LOBE:
-        return (judged(False, Problem(code="rule.lobe_none", key="lobe_error_source"), Severity.WARNING),)
+        return (judge_condition(False, Problem(code="rule.lobe_none", key="lobe_error_source"), Severity.WARNING),)
     differing = lobe_differences(job, chuck=machine.chuck.name, tool=machine.tool.name)
     minded = (*differing, *lobe_unstated(job))
     if minded:
-        return tuple(judged(False, problem, Severity.WARNING) for problem in minded)
+        return tuple(judge_condition(False, problem, Severity.WARNING) for problem in minded)
     if not any_stated(job):
         return ()
-    return (judged(True, Problem(code="rule.lobe_differs", key="lobe_error_um_pp")),)
+    return (judge_condition(True, Problem(code="rule.lobe_differs", key="lobe_error_um_pp")),)
 
 
 def _chatter(job: Job, machine: MachineProfile, judged: tuple[Finding, ...]) -> tuple[Finding, ...]:
@@ -133,7 +133,7 @@ def _depth_holds(depth_mm: float, lobe_mm: float) -> Finding:
     least_mm = math.ceil(round((lobe_mm + LEAST_CHIP_MM) * 1e4, 6)) / 1e4
     value, limit = f"{depth_mm:.6g} mm", f">= {least_mm:.6g} mm"
     problem = Problem(code="rule.depth_under_lobe", key="depth_of_cut_mm", value=value, limit=limit)
-    return judged(depth_mm >= least_mm, problem)
+    return judge_condition(depth_mm >= least_mm, problem)
 
 
 def _grip(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -152,7 +152,7 @@ def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     material, key, most_um = material_or_none(job.material), "chucking_force_n", job.roundness_tolerance_um
     scatter_n = holding_of(machine).limit_force_sd_fraction * job.chucking_force_n
     scatter_um = lobe_um_per_n(job, machine) * scatter_n
-    known = judged(material is not None, unknown_material(job.material), Severity.WARNING)
+    known = judge_condition(material is not None, unknown_material(job.material), Severity.WARNING)
     scatter = _at_most("rule.clamp_scatter", key, scatter_um, most_um, "um", Severity.WARNING)
     stress_mpa = wall_stress_mpa(job, machine, job.chucking_force_n / job.jaws)
     if material is None or stress_mpa is None:
@@ -161,7 +161,7 @@ def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     most_n = math.floor(job.chucking_force_n * material.yield_mpa / stress_mpa)
     value, limit = f"{stress_mpa:.6g} MPa", f"<= {material.yield_mpa:.6g} MPa ({most_n} N)"
     stress = Problem(code="rule.clamp_stress", key=key, value=value, limit=limit)
-    return (known, judged(stress_mpa <= material.yield_mpa, stress), scatter)
+    return (known, judge_condition(stress_mpa <= material.yield_mpa, stress), scatter)
 
 
 def _travel(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -173,8 +173,8 @@ def _travel(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     start_mm = carriage.jaw_face_mm - job.overhang_mm
     end_mm = start_mm + job.cut_length_mm
     return (
-        _within("rule.tool_travel", "diameter_mm", (out_mm, in_mm), tool),
-        _within("rule.carriage_travel", "overhang_mm", (start_mm, end_mm), carriage),
+        _check_travel("rule.tool_travel", "diameter_mm", (out_mm, in_mm), tool),
+        _check_travel("rule.carriage_travel", "overhang_mm", (start_mm, end_mm), carriage),
     )
 
 
@@ -209,11 +209,11 @@ def _finding(
     otherwise: Severity = Severity.REFUSAL,
 ) -> Finding:
     problem = Problem(code=code, key=key, value=f"{value:.6g} {unit}", limit=f"{relation} {bound:.6g} {unit}")
-    return judged(holds, problem, otherwise)
+    return judge_condition(holds, problem, otherwise)
 
 
-def _within(code: str, key: str, ends_mm: tuple[float, float], axis: ToolAxis | Carriage) -> Finding:
+def _check_travel(code: str, key: str, ends_mm: tuple[float, float], axis: ToolAxis | Carriage) -> Finding:
     low_mm, high_mm = axis.travel_min_mm, axis.travel_max_mm
     value, limit = f"{ends_mm[0]:.6g} … {ends_mm[1]:.6g} mm", f"{low_mm:.6g} … {high_mm:.6g} mm"
     problem = Problem(code=code, key=key, value=value, limit=limit)
-    return judged(low_mm <= ends_mm[0] and ends_mm[1] <= high_mm, problem)
+    return judge_condition(low_mm <= ends_mm[0] and ends_mm[1] <= high_mm, problem)

@@ -16,11 +16,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from profiles.fields import spelled
+from profiles.fields import spell_toml
 from profiles.files import parse_toml, printable, read_toml, write_atomically
 from profiles.job import JOB_FIELDS, LABELS, Job, hash_of_job, job_from_table, with_labels
 from profiles.machine import MachineProfile, machine_from_table
-from profiles.problem import ProfileError, refused
+from profiles.problem import ProfileError, refusal_error
 
 _LIBRARY = Path(__file__).parent / "library"
 BUNDLED_JOBS = _LIBRARY / "jobs"
@@ -141,7 +141,7 @@ def rename_job(path: Path, name: str) -> Path:
     try:
         path.unlink()
     except OSError as error:
-        raise refused("file.not_writable", where=where, value=error.strerror or str(error)) from error
+        raise refusal_error("file.not_writable", where=where, value=error.strerror or str(error)) from error
     return target
 
 
@@ -155,9 +155,9 @@ def _refuse_bundled(path: Path) -> None:
     try:
         bundled = _LIBRARY.resolve() in path.resolve().parents
     except (OSError, ValueError, RuntimeError) as error:
-        raise refused("file.not_writable", where=where, value=str(error)) from error
+        raise refusal_error("file.not_writable", where=where, value=str(error)) from error
     if bundled:
-        raise refused("file.bundled", where=where)
+        raise refusal_error("file.bundled", where=where)
 
 
 def _text(content: bytes) -> str:
@@ -179,7 +179,7 @@ def _entries(bundled_folder: Path, user_folder: Path | None) -> tuple[LibraryEnt
 
 def _refuse_other_name(code: str, path: Path, name: str | None, found: str) -> None:
     if name not in (None, found):
-        raise refused(code, where=printable(str(path)), value=printable(name or ""), limit=found)
+        raise refusal_error(code, where=printable(str(path)), value=printable(name or ""), limit=found)
 
 
 def _find(reference: str | LibraryEntry, entries: tuple[LibraryEntry, ...], code: str) -> tuple[Path, str | None]:
@@ -192,7 +192,7 @@ def _find(reference: str | LibraryEntry, entries: tuple[LibraryEntry, ...], code
         if entry.name == reference:
             return entry.path, entry.name
     known = " | ".join(printable(entry.name) for entry in entries)
-    raise refused(code, value=spelled(reference), limit=known)
+    raise refusal_error(code, value=spell_toml(reference), limit=known)
 
 
 def _job_text(values: dict[str, Any], existing: Path | None) -> str:

@@ -15,7 +15,7 @@ from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from profiles.files import printable
-from profiles.problem import refused
+from profiles.problem import refusal_error
 
 Record = TypeVar("Record")
 
@@ -44,12 +44,12 @@ def from_json(content: str | bytes) -> Any:
     raise ValueError(f"> {DEPTH_CAP} levels")
 
 
-def renamed(value: Any, names: Mapping[str, str]) -> Any:
+def rename_keys(value: Any, names: Mapping[str, str]) -> Any:
     """Return plain values with the keys of all their tables renamed, for files that call things otherwise."""
     if isinstance(value, dict):
-        return {names.get(key, key): renamed(each, names) for key, each in value.items()}
+        return {names.get(key, key): rename_keys(each, names) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [renamed(each, names) for each in value]
+        return [rename_keys(each, names) for each in value]
     return value
 
 
@@ -86,7 +86,7 @@ def positive(value: object) -> float:
     return found
 
 
-def whole(value: object) -> int:
+def whole_number(value: object) -> int:
     """Return a whole number unchanged: nothing is rounded. Raises `TypeError` of anything else."""
     if type(value) is not int:
         raise TypeError(f"{value!r} is no whole number")
@@ -127,13 +127,13 @@ def read_own(
         version = table["schema"]
         if type(version) is not int or version != schema:
             shown = printable(str(version), 60)
-            raise refused("schema.unsupported", where=where, key="schema", value=shown, limit=str(schema))
+            raise refusal_error("schema.unsupported", where=where, key="schema", value=shown, limit=str(schema))
         own = {field.name for field in fields(kind)}  # type: ignore[arg-type]
         found = record(kind, {key: value for key, value in table.items() if key != "schema" or key in own})
         judge(found)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         said = f"{error.args[0]} missing" if isinstance(error, KeyError) and error.args else str(error)
-        raise refused(code, where=where, value=printable(" ".join(said.split()))) from error
+        raise refusal_error(code, where=where, value=printable(" ".join(said.split()))) from error
     return found
 
 
@@ -173,14 +173,14 @@ class StrictReader:
             (other,) = (each for each in inner if each is not NoneType)
             return None if value is None else self.read(other, value)
         if origin in (tuple, frozenset) and isinstance(value, list | tuple):
-            return self._listed(origin, inner, value)
+            return self._read_list(origin, inner, value)
         if isinstance(origin, type) and issubclass(origin, Mapping) and isinstance(value, Mapping):
             if len(value) > self.most_entries:
                 raise ValueError(f"{len(value)} entries")
             return self.table({self.plain[str](key): self.read(inner[1], each) for key, each in value.items()})
         raise TypeError(f"{brief(value)} is no {getattr(hint, '__name__', hint)}")
 
-    def _listed(self, origin: Any, inner: tuple[Any, ...], value: Sequence[Any]) -> Any:
+    def _read_list(self, origin: Any, inner: tuple[Any, ...], value: Sequence[Any]) -> Any:
         kinds = [inner[0]] * len(value) if origin is frozenset or inner[1:] == (...,) else list(inner)
         if len(kinds) != len(value) or len(value) > self.most_entries:
             raise ValueError(f"{len(value)} values in the place of {len(kinds)}")
@@ -221,7 +221,7 @@ def brief(value: object) -> str:
 PLAIN: Mapping[Any, Callable[[Any], Any]] = {
     Any: lambda value: value,
     float: number,
-    int: whole,
+    int: whole_number,
     bool: flag,
     str: text,
     date: lambda value: date.fromisoformat(text(value)),

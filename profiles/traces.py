@@ -25,11 +25,11 @@ from profiles.arrays import Floats, read_only
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.metrology.circles import LEAST_SQUARES
 from profiles.metrology.geometric import geometric_circle, polar
-from profiles.problem import refused
-from profiles.trace_files.closed import ClosedProfile, TraceFormat
-from profiles.trace_files.limits import decoded, lines_of
+from profiles.problem import refusal_error
+from profiles.trace_files.closed_profile import ClosedProfile, TraceFormat
+from profiles.trace_files.limits import decode_trace_text, lines_of
 from profiles.trace_files.records import PRF, SDF, SMD
-from profiles.trace_files.table import PLAIN_HEADER, PROBLEM_CAP, TableReader
+from profiles.trace_files.table import PLAIN_HEADER, PROBLEM_CAP, TraceTableReader
 from profiles.trace_files.x3p import X3P
 
 OF_BYTES: tuple[TraceFormat[bytes], ...] = (X3P,)
@@ -69,11 +69,11 @@ def parse_trace(content: bytes, *, where: str = "") -> Trace:
     for binary in OF_BYTES:
         if binary.begins(content):
             return _from_profile(binary.read(content, where))
-    text = decoded(content, where)
+    text = decode_trace_text(content, where)
     for textual in OF_TEXT:
         if textual.begins(text):
             return _from_profile(textual.read(text, where))
-    reader = TableReader(where, text)
+    reader = TraceTableReader(where, text)
     for number, line_text in enumerate(lines_of(text, where), start=1):
         stripped = line_text.strip(" \t")
         if stripped:
@@ -95,7 +95,7 @@ def write_trace(path: Path, trace: Trace, *, overwrite: bool = False, private: b
     for key, value in trace.meta.items():
         if found.get(key) != value:
             shown = printable(f"# {key}: {value}", 60)
-            raise refused("trace.meta", where=where, value=shown, limit="# key: value")
+            raise refusal_error("trace.meta", where=where, value=shown, limit="# key: value")
     write_atomically(path, content, overwrite=overwrite, private=private)
 
 
@@ -103,7 +103,7 @@ def trace_content(trace: Trace, where: str = "") -> bytes:
     """Return the bytes of a trace file, with the numbers of `trace` bit by bit; ProfileError `trace.columns`."""
     if trace.angle_deg.ndim != 1 or trace.angle_deg.shape != trace.deviation_um.shape:
         value = f"{trace.angle_deg.shape} {trace.deviation_um.shape}"
-        raise refused("trace.columns", where=where, value=value, limit="(M,) (M,)")
+        raise refusal_error("trace.columns", where=where, value=value, limit="(M,) (M,)")
     lines = [f"# {key}: {value}" for key, value in trace.meta.items()]
     lines.append(PLAIN_HEADER)
     pairs = zip(trace.angle_deg.tolist(), trace.deviation_um.tolist(), strict=True)
@@ -112,7 +112,7 @@ def trace_content(trace: Trace, where: str = "") -> bytes:
     return ("\n".join(lines) + "\n").encode("utf-8", errors="replace")
 
 
-def _from_table(reader: TableReader) -> Trace:
+def _from_table(reader: TraceTableReader) -> Trace:
     assert reader.columns is not None
     first, second, meta = np.array(reader.first), np.array(reader.second), dict(reader.meta)
     centre_mm = None
@@ -124,7 +124,7 @@ def _from_table(reader: TableReader) -> Trace:
         second = distance - circle.deviation_um
         if "radius_mm" in meta:
             value = printable(f"# radius_mm: {meta['radius_mm']}", 60)
-            raise refused("trace.meta", where=reader.where, value=value, limit="x_mm,y_mm")
+            raise refusal_error("trace.meta", where=reader.where, value=value, limit="x_mm,y_mm")
         meta["radius_mm"] = repr(circle.deviation_um / 1000.0)
     elif len(reader.columns.names) == 1:
         first = np.arange(second.size) * (360.0 * int(meta.get("turns", "1")) / second.size)

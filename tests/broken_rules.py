@@ -132,8 +132,8 @@ _STOPPING: tuple[Mutation, ...] = (
     Mutation(
         rule="A console whose number was overwritten does not command any more.",
         file="drivers/lathe/ownership.py",
-        old="self.standing = Standing.OUSTED",
-        new="self.standing = Standing.OWNER",
+        old="self.standing = ConsoleRole.OUSTED",
+        new="self.standing = ConsoleRole.OWNER",
         test="tests/drivers/test_ownership.py::test_a_take_over_needs_rest_and_is_seen_by_who_was_pushed_aside",
     ),
     Mutation(

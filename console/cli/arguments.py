@@ -75,14 +75,14 @@ INDICATOR = "indicator"  # instead of a file: the indicator of the simulated lat
 
 def add_lathe_part(parser: Parser, text: Catalogue) -> None:
     """Add which part of a simulated lathe it is."""
-    number = within(_digits, 1, LATHE_PARTS, "usage.lathe_part", LATHE_PARTS)
+    number = number_parser_within(_digits, 1, LATHE_PARTS, "usage.lathe_part", LATHE_PARTS)
     parser.add_argument("--lathe-part", metavar="N", type=number, help=text("help.lathe_part"))
 
 
 def add_practice(parser: Parser, text: Catalogue) -> None:
     """Add the recording whose event is practised, and how long before it that begins."""
     parser.add_argument("--from", metavar="FILE", dest="from_file", help=text("help.from"))
-    before = within(number, 0.0, MOST_BEFORE_S, "usage.before", f"{MOST_BEFORE_S:g}")
+    before = number_parser_within(number, 0.0, MOST_BEFORE_S, "usage.before", f"{MOST_BEFORE_S:g}")
     parser.add_argument("--before", metavar="S", type=before, help=text("help.before"))
 
 
@@ -135,7 +135,7 @@ def _digits(word: str) -> int:
     return int(word) if word.isascii() and word.isdigit() else -1
 
 
-def within(
+def number_parser_within(
     parse: Callable[[str], Number], least: float, most: float, key: str, limit: object
 ) -> Callable[[str], Number]:
     """Return the parser of numbers in a range; `key` is the sentence for others, with the `limit`."""
@@ -149,11 +149,11 @@ def within(
     return parsed
 
 
-milliseconds = within(_digits, 0, TS_LIMIT_MS, "usage.ts", TS_LIMIT_MS)
+milliseconds = number_parser_within(_digits, 0, TS_LIMIT_MS, "usage.ts", TS_LIMIT_MS)
 """Parser of a time as TA and TS accept it."""
 
 
-def listed(parse: Callable[[str], Value]) -> Callable[[str], tuple[Value, ...]]:
+def list_parser(parse: Callable[[str], Value]) -> Callable[[str], tuple[Value, ...]]:
     """Return the parser of a list with commas."""
     return lambda words: tuple(parse(word) for word in words.split(","))
 
@@ -197,8 +197,10 @@ def _plant(word: str) -> str:
     return word
 
 
-_seed = within(_digits, 0, SEED_LIMIT, "usage.seed", SEED_LIMIT)
-_sd_percent = within(number, 0.0, MOST_CLAMPING_SD_PERCENT, "usage.clamping_sd", f"{MOST_CLAMPING_SD_PERCENT:g}")
+_seed = number_parser_within(_digits, 0, SEED_LIMIT, "usage.seed", SEED_LIMIT)
+_sd_percent = number_parser_within(
+    number, 0.0, MOST_CLAMPING_SD_PERCENT, "usage.clamping_sd", f"{MOST_CLAMPING_SD_PERCENT:g}"
+)
 
 _SHARED: dict[str, dict[str, Any]] = {
     "json": {"action": "store_true"},

@@ -56,9 +56,9 @@ def machine_of(options: Namespace, simulated_by: str = f"{SIM_OPTION} | {SIM_LIN
 
 def judged_of(options: Namespace) -> CalibratedMachine:
     """Load the machine named on the command line with its newest calibrations, to judge a job on it."""
-    from console.session.data.calibrated_chuck import calibrated
+    from console.session.data.calibrated_chuck import apply_calibrations
 
-    return calibrated(profile_of(options), data_of(options))
+    return apply_calibrations(profile_of(options), data_of(options))
 
 
 def link_address(options: Namespace, machine: LoadedMachine) -> LinkAddress:
@@ -146,7 +146,7 @@ def lathe_parts_of(
     return LatheParts(lathe=true.lathe, part=number, parts=parts)
 
 
-def named(problems: Iterable[Problem], where: str) -> tuple[Problem, ...]:
+def name_file_in_problems(problems: Iterable[Problem], where: str) -> tuple[Problem, ...]:
     """Return the problems, with the file in those that name no place."""
     return tuple(replace(problem, where=problem.where or where) for problem in problems)
 
@@ -157,4 +157,4 @@ def naming(where: str) -> Iterator[None]:
     try:
         yield
     except ProfileError as error:
-        raise ProfileError(*named(error.problems, where)) from error
+        raise ProfileError(*name_file_in_problems(error.problems, where)) from error

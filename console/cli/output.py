@@ -9,11 +9,11 @@ from dataclasses import asdict
 from io import TextIOWrapper
 from typing import Any, TextIO
 
-from console.escaping import can_write, encodable, escaped, spelled
+from console.escaping import can_write, encodable, escape_text, spell_unencodable
 from console.text.catalogue import LANGUAGES, Catalogue
 from drivers.clock import OLD_S
 from profiles.problem import Problem
-from profiles.strict_values import renamed
+from profiles.strict_values import rename_keys
 
 SCHEMA = 1
 """Of every JSON object on stdout; a value that is taken away, or changes its meaning, makes it 2."""
@@ -31,7 +31,9 @@ class EscapedOutput:
 
     def write(self, text: str) -> int:
         """Write a text; return its unescaped length, as streams do."""
-        self._stream.write(encodable(spelled(escaped(text), self._stream.encoding), self._stream.encoding))
+        self._stream.write(
+            encodable(spell_unencodable(escape_text(text), self._stream.encoding), self._stream.encoding)
+        )
         self.last = (self.last + text)[-KEPT:]
         return len(text)
 
@@ -82,7 +84,7 @@ def fields_of(source: object, *names: str) -> dict[str, Any]:
 
 def harmonics_of(source: Any) -> dict[str, Any]:
     """Return a record with harmonics in it as plain values; JSON calls their phase `crest_deg`."""
-    found: dict[str, Any] = renamed(asdict(source), {"phase_deg": "crest_deg"})
+    found: dict[str, Any] = rename_keys(asdict(source), {"phase_deg": "crest_deg"})
     return found
 
 
@@ -96,7 +98,7 @@ def print_json(value: Mapping[str, object]) -> None:
     value = {"schema": SCHEMA, **value}
     shown = json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2)
     # JSON has its own escapes for what the stream would replace, such as an undecodable file name.
-    if encodable(escaped(shown), sys.stdout.encoding) != shown:
+    if encodable(escape_text(shown), sys.stdout.encoding) != shown:
         shown = json.dumps(value, allow_nan=False, indent=2)
     print(shown)
 
@@ -110,7 +112,7 @@ def tell(problems: Iterable[Problem], text: Catalogue) -> list[str]:
     return warnings
 
 
-def agreed(
+def confirm_motion(
     options: Namespace, machine_name: str, simulated: bool, text: Catalogue, about: str | None = None
 ) -> bool:
     """Return whether the machine may be moved: with --yes, simulated, or when its name was typed.

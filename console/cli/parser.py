@@ -25,7 +25,7 @@ _WORDING = {
 UNKNOWN_COLUMNS = 80
 
 
-class _Formatter(argparse.HelpFormatter):
+class _HelpFormatter(argparse.HelpFormatter):
     """Formatter whose usage prefix is in the operator's language."""
 
     def __init__(self, prog: str) -> None:
@@ -58,7 +58,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **facts: Any) -> None:
         """Take the arguments of argparse; titles and help are in the operator's language."""
-        super().__init__(**{"formatter_class": _Formatter, **facts}, add_help=False, allow_abbrev=False)
+        super().__init__(**{"formatter_class": _HelpFormatter, **facts}, add_help=False, allow_abbrev=False)
         self._positionals.title = self.text("help.arguments")
         self._optionals.title = self.text("help.options")
         self.add_argument("-h", "--help", action="help", help=self.text("help.help"))
@@ -83,12 +83,12 @@ class Parser(argparse.ArgumentParser):
         sentence = " ".join(message.split())
         for pattern, key in _WORDING.items():
             if match := re.fullmatch(pattern, sentence):
-                sentence = self.text(key, **self._named(match.groupdict()))
+                sentence = self.text(key, **self._sentence_facts(match.groupdict()))
                 break
         print(f"{self.prog}: {sentence}", file=sys.stderr)
         raise SystemExit(2)
 
-    def _named(self, facts: dict[str, str]) -> dict[str, str]:
+    def _sentence_facts(self, facts: dict[str, str]) -> dict[str, str]:
         """Return what a sentence names; a missing action with those there are."""
         for action in self._actions:
             if action.choices and action.metavar == facts.get("value", ""):

@@ -15,7 +15,7 @@ WAITING = 4000
 """Entries that wait for the recorder, which takes them ten times a second; the rest is lost, and counted."""
 
 
-class Kind(StrEnum):
+class NoteKind(StrEnum):
     """Kinds of notes. `left_out` and `lost` tell what the recording does not have."""
 
     KEY = "key"
@@ -33,7 +33,7 @@ class Note:
     """One event, at machine time, in words that do not depend on a language."""
 
     at_s: float
-    kind: Kind
+    kind: NoteKind
     text: str
 
 
@@ -56,7 +56,7 @@ class Inbox:
         else:
             self._waiting.append((self._now_s(), kind, words))
 
-    def taken(self) -> tuple[list[Heard], int]:
+    def take_entries(self) -> tuple[list[Heard], int]:
         """Return what waited, in its order, and how many entries were lost since the last time."""
         found = [self._waiting.popleft() for _ in range(len(self._waiting))]
         lost, self._lost = self._lost, 0

@@ -27,7 +27,7 @@ def as_it_is(value: object) -> object:
     return value
 
 
-def plain(value: object, form: Form = as_it_is) -> Any:
+def to_json_value(value: object, form: Form = as_it_is) -> Any:
     """Return a value as JSON has it. Raises TypeError of what is no value, such as an open file."""
     value = form(value)
     if isinstance(value, Enum):
@@ -40,23 +40,23 @@ def plain(value: object, form: Form = as_it_is) -> Any:
     if isinstance(value, str | PurePath):
         return printable(str(value), LONGEST_TEXT)
     if isinstance(value, complex):
-        return [plain(value.real), plain(value.imag)]
+        return [to_json_value(value.real), to_json_value(value.imag)]
     return _plain_parts(value, form)
 
 
 def _plain_parts(value: object, form: Form) -> Any:
     if is_dataclass(value):
-        return {name: plain(getattr(value, name), form) for name in names_of(type(value))}
+        return {name: to_json_value(getattr(value, name), form) for name in names_of(type(value))}
     if isinstance(value, Mapping):
-        return {plain(str(key)): plain(each, form) for key, each in value.items()}
+        return {to_json_value(str(key)): to_json_value(each, form) for key, each in value.items()}
     if isinstance(value, tuple | list):
-        return [plain(each, form) for each in value]
+        return [to_json_value(each, form) for each in value]
     if isinstance(value, frozenset | set):
-        return sorted(plain(each, form) for each in value)
+        return sorted(to_json_value(each, form) for each in value)
     if _is_array(value):
         return {ARRAY: _base64(value)}
     if hasattr(value, "item"):  # a number of numpy's own
-        return plain(value.item())
+        return to_json_value(value.item())
     raise TypeError(f"{type(value).__name__} cannot be recorded")
 
 
@@ -79,7 +79,7 @@ def _compare(before: object, now: object, form: Form, path: str, found: dict[str
     elif _is_array(now):
         _compare_arrays(before, now, path, found)
     elif type(before) is not type(now) or before != now:
-        found[path] = plain(now, form)
+        found[path] = to_json_value(now, form)
 
 
 def _compare_arrays(before: Any, now: Any, path: str, found: dict[str, Any]) -> None:

@@ -11,8 +11,8 @@ from datetime import datetime
 from enum import StrEnum
 from itertools import pairwise
 
-from console.flight.notes import Kind
-from console.flight.recorded_forms import Moment
+from console.flight.notes import NoteKind
+from console.flight.recorded_forms import RecordedMoment
 from console.flight.recording import Recording
 from console.session.station.alarms import Alarm, Priority
 from console.session.station.commands import Command
@@ -26,7 +26,7 @@ SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 JUST_S = 0.5  # an event that was passed less than this ago while playing is not the one before
 
 
-class Happened(StrEnum):
+class PlaybackEventKind(StrEnum):
     """Kinds of events that the states show."""
 
     ALARM = "alarm"
@@ -39,11 +39,11 @@ class Happened(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Event:
+class PlaybackEvent:
     """One event at machine time: a fact of the states with its problem or its word, or a note."""
 
     at_s: float
-    kind: Happened | Kind
+    kind: PlaybackEventKind | NoteKind
     word: str = ""
     problem: Problem | None = None
     is_low: bool = False
@@ -51,7 +51,7 @@ class Event:
 
 def logs_of(recording: Recording) -> tuple[SessionLog, ...]:
     """Return for each moment the log of the session as far as it is recorded; alarms are numbered from 1."""
-    commands = deque(note for note in recording.notes if note.kind is Kind.COMMAND)
+    commands = deque(note for note in recording.notes if note.kind is NoteKind.COMMAND)
     log, found = SessionLog(), []
     for at_s, moment in zip(recording.times_s, recording.moments, strict=True):
         now = Instant(now_s=at_s, clock=datetime.fromtimestamp(recording.header.utc_of(at_s)))
@@ -59,47 +59,51 @@ def logs_of(recording: Recording) -> tuple[SessionLog, ...]:
             note = commands.popleft()
             name, *more = note.text.split() or [""]
             if name in COMMANDS:
-                log = log.with_entries(command_entry(name, taken=more[-1:] != ["refused"], at=now.at(note.at_s)))
+                log = log.with_entries(
+                    command_entry(name, taken=more[-1:] != ["refused"], at=now.local_time_at(note.at_s))
+                )
         log = with_state(log, moment.state, moment.said, now)
         found.append(log)
     return tuple(found)
 
 
-MARKED = frozenset({Happened.ALARM, Happened.STOPPED, Kind.KEY, Kind.STOP, Kind.KILL})
+MARKED = frozenset(
+    {PlaybackEventKind.ALARM, PlaybackEventKind.STOPPED, NoteKind.KEY, NoteKind.STOP, NoteKind.KILL}
+)
 """Events that have a mark on the time bar, and to which the keys jump."""
 
 
-def events_of(recording: Recording) -> tuple[Event, ...]:
+def events_of(recording: Recording) -> tuple[PlaybackEvent, ...]:
     """Return what happened, in the order of the times."""
     first = recording.moments[0]
-    found = _between(Moment(state=StationState()), first, recording.times_s[0])
+    found = _find_events_between(RecordedMoment(state=StationState()), first, recording.times_s[0])
     for (before, now), at_s in zip(pairwise(recording.moments), recording.times_s[1:], strict=True):
         if before is not now:
-            found += _between(before, now, at_s)
-    found += [Event(at_s=note.at_s, kind=note.kind, word=note.text) for note in recording.notes]
+            found += _find_events_between(before, now, at_s)
+    found += [PlaybackEvent(at_s=note.at_s, kind=note.kind, word=note.text) for note in recording.notes]
     return tuple(sorted(found, key=lambda event: event.at_s))
 
 
-def _between(before: Moment, now: Moment, at_s: float) -> list[Event]:
-    found: list[Event] = []
+def _find_events_between(before: RecordedMoment, now: RecordedMoment, at_s: float) -> list[PlaybackEvent]:
+    found: list[PlaybackEvent] = []
     old, new = before.state, now.state
     if old.activity is not new.activity:
-        found.append(Event(at_s=at_s, kind=Happened.ACTIVITY, word=new.activity))
+        found.append(PlaybackEvent(at_s=at_s, kind=PlaybackEventKind.ACTIVITY, word=new.activity))
     if before.page != now.page:
-        found.append(Event(at_s=at_s, kind=Happened.PAGE, word=now.page))
+        found.append(PlaybackEvent(at_s=at_s, kind=PlaybackEventKind.PAGE, word=now.page))
     if old.alarms is not new.alarms:
         known, present = _active(old.alarms), _active(new.alarms)
-        found += [_alarm(Happened.ALARM, present[key], at_s) for key in present if key not in known]
-        found += [_alarm(Happened.ALARM_OVER, known[key], at_s) for key in known if key not in present]
+        found += [_alarm(PlaybackEventKind.ALARM, present[key], at_s) for key in present if key not in known]
+        found += [_alarm(PlaybackEventKind.ALARM_OVER, known[key], at_s) for key in known if key not in present]
     if new.stop is not None:
         if old.stop is None or old.stop.sent_s != new.stop.sent_s:
-            found.append(Event(at_s=at_s, kind=Happened.STOPPED, word=new.stop.reason))
+            found.append(PlaybackEvent(at_s=at_s, kind=PlaybackEventKind.STOPPED, word=new.stop.reason))
         if new.stop.rest_s is not None and (old.stop is None or old.stop.rest_s is None):
             seconds = new.stop.rest_s - new.stop.sent_s
-            found.append(Event(at_s=at_s, kind=Happened.REST, word=f"{seconds:.1f}"))
+            found.append(PlaybackEvent(at_s=at_s, kind=PlaybackEventKind.REST, word=f"{seconds:.1f}"))
     answers = (*now.said, *new.refusals)
     if answers != (*before.said, *old.refusals):
-        found += [Event(at_s=at_s, kind=Happened.ANSWER, problem=problem) for problem in answers]
+        found += [PlaybackEvent(at_s=at_s, kind=PlaybackEventKind.ANSWER, problem=problem) for problem in answers]
     return found
 
 
@@ -107,8 +111,8 @@ def _active(alarms: tuple[Alarm, ...]) -> dict[tuple[str, str], Alarm]:
     return {(alarm.problem.code, alarm.problem.key): alarm for alarm in alarms if alarm.active}
 
 
-def _alarm(kind: Happened, alarm: Alarm, at_s: float) -> Event:
-    return Event(at_s=at_s, kind=kind, problem=alarm.problem, is_low=alarm.priority is Priority.LOW)
+def _alarm(kind: PlaybackEventKind, alarm: Alarm, at_s: float) -> PlaybackEvent:
+    return PlaybackEvent(at_s=at_s, kind=kind, problem=alarm.problem, is_low=alarm.priority is Priority.LOW)
 
 
 @dataclass
@@ -132,7 +136,7 @@ class Playback:
         return self.recording.place_at(self.at_s)
 
     @property
-    def moment(self) -> Moment:
+    def moment(self) -> RecordedMoment:
         """The moment that is shown."""
         return self.recording.moments[self.place]
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from console.flight.notes import Inbox, Kind, command_words
+from console.flight.notes import Inbox, NoteKind, command_words
 from console.session.passing_control import PassingControl, record
-from console.session.station.alarms import Alarms, seen
+from console.session.station.alarms import Alarms, acknowledge_shown_alarms
 from console.session.station.state import StationState
 
 if TYPE_CHECKING:
-    from console.flight.recorder import Recorder
+    from console.flight.recorder import FlightRecorder
     from console.session.station.commands import Command, Control
 
 
@@ -24,7 +24,7 @@ class RecordedControl(PassingControl):
 
     def __init__(self, control: Control, inbox: Inbox) -> None:
         super().__init__(control, inbox.put)
-        self.recorder: Recorder | None = None
+        self.recorder: FlightRecorder | None = None
         self._inbox = inbox
         self._joined: tuple[StationState, Alarms, StationState] | None = None
 
@@ -45,6 +45,6 @@ class RecordedControl(PassingControl):
 
         taken = super().post(intent)
         if self.recorder is not None and isinstance(intent, Acknowledge):
-            self.recorder.acknowledge(partial(seen, shown=intent.shown))
-        record((self._inbox.put,), Kind.COMMAND, f"{command_words(intent)}{'' if taken else ' refused'}")
+            self.recorder.acknowledge(partial(acknowledge_shown_alarms, shown=intent.shown))
+        record((self._inbox.put,), NoteKind.COMMAND, f"{command_words(intent)}{'' if taken else ' refused'}")
         return taken

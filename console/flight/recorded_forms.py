@@ -40,7 +40,7 @@ class RecordedWork:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
+class RecordedMoment:
     """What is recorded of one moment: the machine, the page in front of the operator, and the open job.
 
     `said` are the answers to the last key.
@@ -52,7 +52,7 @@ class Moment:
     said: tuple[Problem, ...] = ()
 
 
-def recorded(value: object) -> Any:
+def to_recorded_form(value: object) -> Any:
     """Return what is recorded in the place of a value."""
     form = _FORMS.get(type(value).__name__)
     return value if form is None else form(value)
@@ -98,7 +98,7 @@ def names() -> Mapping[str, Any]:
     from console.session.learning.part_learning import PartLearning
     from console.session.station.link.lost_link import LostLink
     from console.session.station.progress import CutProgress
-    from console.session.tuning.standing import StandingTrial
+    from console.session.tuning.standing_trial import StandingTrial
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_gains import ToolLoop
     from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView

@@ -16,15 +16,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from console.flight.frozen import SCHEMA, Cause, freeze
-from console.flight.notes import Inbox, Kind, Note
-from console.flight.plain_values import changes, plain
-from console.flight.recorded_forms import Moment, recorded
-from console.flight.ring import Ring, left_rings, whole_lines
+from console.flight.frozen_recordings import SCHEMA, FreezeCause, freeze
+from console.flight.notes import Inbox, Note, NoteKind
+from console.flight.plain_values import changes, to_json_value
+from console.flight.recorded_forms import RecordedMoment, to_recorded_form
+from console.flight.ring import SegmentRing, left_rings, whole_lines
 from console.session.errors import fault_problem
-from console.session.station.alarms import Alarms, Priority, cleared, raised
+from console.session.station.alarms import Alarms, Priority, clear_alarms, raise_alarm
 from console.session.station.state import StationState
-from drivers.link.tracing import Dialogue, shown
+from drivers.link.tracing import Dialogue, format_bytes
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
@@ -60,18 +60,18 @@ class LinkLines:
         self._room = MOST_CHARACTERS
         self._polls = self._left_out = 0
 
-    def heard(self, at_s: float, mark: str, data: bytes) -> None:
+    def take_bytes(self, at_s: float, mark: str, data: bytes) -> None:
         """Take bytes that were sent (`>`), received (`<`) or sent as a stop (`!`), or the code of a failure."""
         if mark in "<>":
-            self._dialogue.heard(at_s, mark, data)
+            self._dialogue.take_bytes(at_s, mark, data)
         else:
-            self._add(Note(at_s=at_s, kind=Kind.LINK, text=f"{mark} {shown(data)}"))
+            self._add(Note(at_s=at_s, kind=NoteKind.LINK, text=f"{mark} {format_bytes(data)}"))
 
     def begin_segment(self, at_s: float) -> None:
         """Begin to count anew; note what was left out since the last time."""
         if self._polls or self._left_out:
             words = f"polls={self._polls} lines={self._left_out}"
-            self._add(Note(at_s=at_s, kind=Kind.LEFT_OUT, text=words))
+            self._add(Note(at_s=at_s, kind=NoteKind.LEFT_OUT, text=words))
         self._room, self._polls, self._left_out = MOST_CHARACTERS, 0, 0
 
     def _line(self, at_s: float, mark: str, words: str) -> None:
@@ -84,7 +84,7 @@ class LinkLines:
             self._left_out += 1
             return
         self._room -= len(words)
-        self._add(Note(at_s=at_s, kind=Kind.LINK, text=f"{mark} {words}"))
+        self._add(Note(at_s=at_s, kind=NoteKind.LINK, text=f"{mark} {words}"))
 
 
 class Triggers:
@@ -98,7 +98,7 @@ class Triggers:
         """Whether the last causes belong to the file that was frozen before."""
         self._alarms: frozenset[tuple[str, str]] = frozenset()
         self._stop_s: float | None = None
-        self._causes: list[Cause] = []
+        self._causes: list[FreezeCause] = []
         self._due_s: float | None = None
 
     @property
@@ -106,7 +106,7 @@ class Triggers:
         """Whether there is something to freeze."""
         return self._due_s is not None
 
-    def seen(self, state: StationState, now_s: float) -> tuple[Cause, ...]:
+    def find_causes(self, state: StationState, now_s: float) -> tuple[FreezeCause, ...]:
         """Return the causes that are new in a state."""
         before = self._alarms
         urgent = [alarm for alarm in state.alarms if alarm.active and alarm.priority is not Priority.LOW]
@@ -116,12 +116,12 @@ class Triggers:
         if stop is not None and stop.sent_s != self._stop_s and not (self.leaving and stop.reason == QUIT):
             fresh.insert(0, f"stop {stop.reason}")
         self._stop_s = None if stop is None else stop.sent_s
-        causes = tuple(Cause(at_s=now_s, reason=reason) for reason in fresh)
+        causes = tuple(FreezeCause(at_s=now_s, reason=reason) for reason in fresh)
         for cause in causes:
             self.add(cause)
         return causes
 
-    def add(self, cause: Cause) -> None:
+    def add(self, cause: FreezeCause) -> None:
         """Take a cause: the file is due some seconds later; it is another one where the last began long ago."""
         if self._causes and cause.at_s - self._causes[0].at_s > JOINED_S and not self.is_waiting:
             self._causes = []
@@ -135,32 +135,32 @@ class Triggers:
         """Whether the aftermath is over."""
         return self._due_s is not None and now_s >= self._due_s
 
-    def again(self, due_s: float) -> None:
+    def freeze_again(self, due_s: float) -> None:
         """Freeze once more: it could not be written."""
         self._due_s = due_s
 
-    def begun(self) -> tuple[Cause, ...]:
+    def begin_file(self) -> tuple[FreezeCause, ...]:
         """Return all causes of the file, which is frozen now."""
         self._due_s = None
         return tuple(self._causes)
 
 
-class Recorder:
+class FlightRecorder:
     """Records one console. `observe` is called in its thread, and returns at once."""
 
     def __init__(
         self,
         data: Path,
         machine: LoadedMachine,
-        observe: Callable[[], Moment],
+        observe: Callable[[], RecordedMoment],
         inbox: Inbox,
         *,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.alarms: Alarms = ()
         self._data, self._machine, self._observe, self._inbox, self._now_s = data, machine, observe, inbox, now_s
-        self._ring: Ring | None = None
-        self._before: Moment | None = None
+        self._ring: SegmentRing | None = None
+        self._before: RecordedMoment | None = None
         self._written_s = self._retry_s = float("-inf")
         self._lines: list[Mapping[str, Any]] = []
         self._link = LinkLines(self._add)
@@ -217,22 +217,22 @@ class Recorder:
             if self._triggers.is_due(now_s):
                 self._freeze()
         except (OSError, ProblemError) as error:
-            self._triggers.again(now_s + RETRY_S)
+            self._triggers.freeze_again(now_s + RETRY_S)
             self._report(error)
 
     def _look(self, now_s: float) -> None:
-        heard, lost = self._inbox.taken()
+        heard, lost = self._inbox.take_entries()
         for at_s, kind, words in heard:
             if isinstance(words, bytes):
-                self._link.heard(at_s, kind, words)
+                self._link.take_bytes(at_s, kind, words)
             else:
-                self._add(Note(at_s=at_s, kind=Kind(kind), text=words))
+                self._add(Note(at_s=at_s, kind=NoteKind(kind), text=words))
         if lost:
-            self._add(Note(at_s=now_s, kind=Kind.LOST, text=str(lost)))
+            self._add(Note(at_s=now_s, kind=NoteKind.LOST, text=str(lost)))
         moment = self._observe()
-        for cause in self._triggers.seen(moment.state, now_s):
-            self._add(Note(at_s=now_s, kind=Kind.FROZEN, text=cause.reason))
-        changed = {} if self._before is None else changes(self._before, moment, recorded)
+        for cause in self._triggers.find_causes(moment.state, now_s):
+            self._add(Note(at_s=now_s, kind=NoteKind.FROZEN, text=cause.reason))
+        changed = {} if self._before is None else changes(self._before, moment, to_recorded_form)
         busy = moment.state.seen_moving or any(path.rpartition(".")[2] not in _POLLED for path in changed)
         due = now_s - self._written_s >= AT_REST_S or self._triggers.is_due(now_s)
         if self._before is None or (busy and changed) or due:
@@ -244,20 +244,20 @@ class Recorder:
             self._lines.clear()
             return
         if self._ring is None:
-            self._ring = Ring(self._data, self._machine.machine.name)
+            self._ring = SegmentRing(self._data, self._machine.machine.name)
         if self._ring.is_due(now_s):
             self._link.begin_segment(now_s)
             self._ring.begin(now_s, self._header(now_s))
-            full = {"t": now_s, "full": plain(self._before, recorded)}
+            full = {"t": now_s, "full": to_json_value(self._before, to_recorded_form)}
             self._lines = [full, *(line for line in self._lines if "set" not in line)]
         lines, self._lines = self._lines, []
         self._ring.write(lines, through=self._triggers.is_fresh)
         self._triggers.is_fresh = False
         if self._is_alarmed and not self._triggers.is_waiting:
-            self.acknowledge(lambda alarms: cleared(alarms, LOST))
+            self.acknowledge(lambda alarms: clear_alarms(alarms, LOST))
 
     def _freeze(self) -> None:
-        causes = self._triggers.begun()
+        causes = self._triggers.begin_file()
         if self._ring is not None:
             to = self._frozen if self._triggers.extends else None
             self._frozen = freeze(self._data, whole_lines(self._ring.segments()), causes, to)
@@ -270,7 +270,7 @@ class Recorder:
                 shutil.rmtree(folder, ignore_errors=True)
                 if path is not None:
                     self._alarm(Problem(code=KILLED, value=path.name))
-                    self.acknowledge(lambda alarms: cleared(alarms, KILLED))  # an event: gone once it is seen
+                    self.acknowledge(lambda alarms: clear_alarms(alarms, KILLED))  # an event: gone once it is seen
         except (OSError, ProblemError) as error:
             self._report(error)
 
@@ -278,7 +278,7 @@ class Recorder:
         """Freeze what still has to be, and remove the ring; one that cannot be frozen stays for the next start."""
         now_s = self._now_s()
         if self._reason:
-            self._triggers.add(Cause(at_s=now_s, reason=self._reason))
+            self._triggers.add(FreezeCause(at_s=now_s, reason=self._reason))
         done = True
         if self._triggers.is_waiting:
             try:
@@ -299,18 +299,18 @@ class Recorder:
             self._alarm(Problem(code=LOST, value=why))
 
     def _add(self, note: Note) -> None:
-        self._lines.append({"t": note.at_s, "kind": note.kind.value, "text": plain(note.text)})
+        self._lines.append({"t": note.at_s, "kind": note.kind.value, "text": to_json_value(note.text)})
 
     def _alarm(self, problem: Problem) -> None:
-        self.acknowledge(lambda alarms: raised(alarms, problem, Priority.LOW, self._now_s()))
+        self.acknowledge(lambda alarms: raise_alarm(alarms, problem, Priority.LOW, self._now_s()))
 
     def _header(self, now_s: float) -> dict[str, Any]:
         loaded = self._machine
         return {
             "flight": SCHEMA,
             "software": _software(),
-            "machine": plain(loaded.machine),
-            "machine_path": plain(loaded.path),
+            "machine": to_json_value(loaded.machine),
+            "machine_path": to_json_value(loaded.path),
             "machine_sha256": loaded.sha256,
             "simulated": self._before is not None and self._before.state.simulated,
             "console": os.getpid(),

@@ -18,15 +18,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, get_origin, get_type_hints
 
-from console.flight.frozen import SCHEMA, Cause
+from console.flight.frozen_recordings import SCHEMA, FreezeCause
 from console.flight.notes import Note
 from console.flight.plain_values import ARRAY, DROPPED, LONGEST_TEXT, names_of
-from console.flight.recorded_forms import Moment, names
+from console.flight.recorded_forms import RecordedMoment, names
 from profiles.files import printable, read_regular_file
 from profiles.job import Job, job_from_table
 from profiles.machine import OF_CALIBRATION, MachineProfile, machine_from_table
 from profiles.problem import Problem, ProblemError, ProfileError
-from profiles.strict_values import StrictReader, brief, flag, from_json, number, text, whole
+from profiles.strict_values import StrictReader, brief, flag, from_json, number, text, whole_number
 
 MOST_PACKED, MOST_BYTES = 40_000_000, 120_000_000  # far above any recording; a bomb ends here
 MOST_LINES = 400_000
@@ -55,7 +55,7 @@ class Header:
     console: int
     at_s: float
     utc_s: float
-    causes: tuple[Cause, ...]
+    causes: tuple[FreezeCause, ...]
     began_s: float
     ended_s: float
     lines: int
@@ -78,7 +78,7 @@ class Recording:
     path: Path
     header: Header
     times_s: tuple[float, ...]
-    moments: tuple[Moment, ...]
+    moments: tuple[RecordedMoment, ...]
     notes: tuple[Note, ...]
 
     def place_at(self, at_s: float) -> int:
@@ -115,11 +115,11 @@ def read_recording(path: Path) -> Recording:
     header = _header(path, head)
     lines = rest.splitlines(keepends=True)
     if hashlib.sha256(rest).hexdigest() != header.sha256 or len(lines) != header.lines:
-        raise _damaged(path, 0, f"{len(lines)} / {header.lines}")
-    return _played(path, header, lines)
+        raise _damage_error(path, 0, f"{len(lines)} / {header.lines}")
+    return _assemble_recording(path, header, lines)
 
 
-class Typed(StrictReader):
+class RecordingReader(StrictReader):
     """Reader of a recording. A part that was read is the same object wherever the same part of the JSON is."""
 
     most_entries = MOST_ENTRIES
@@ -150,7 +150,7 @@ class Typed(StrictReader):
         return _hints(kind)
 
 
-def patched(tree: dict[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
+def apply_changes(tree: dict[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
     """Return JSON with these parts replaced, by dotted names; what is not replaced is shared.
 
     Raises ValueError: there is no such part.
@@ -168,13 +168,13 @@ def patched(tree: dict[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
             node = fresh[here]
         if last not in node:
             raise ValueError(f"no {path}")
-        node[last] = _slid(node[last], value) if isinstance(value, dict) and DROPPED in value else value
+        node[last] = _slide_samples(node[last], value) if isinstance(value, dict) and DROPPED in value else value
     return fresh[""]
 
 
-def _slid(before: Any, change: dict[str, Any]) -> dict[str, Any]:
+def _slide_samples(before: Any, change: dict[str, Any]) -> dict[str, Any]:
     """Return the samples after some left and some came."""
-    gone = whole(change[DROPPED])
+    gone = whole_number(change[DROPPED])
     kept = _bytes(before)[8 * gone :]
     if gone < 0 or 8 * gone > len(_bytes(before)) or change.keys() != {DROPPED, ARRAY}:
         raise ValueError("samples that do not follow")
@@ -205,8 +205,8 @@ def _number(value: Any) -> float:
     return found
 
 
-def _whole(value: Any) -> int:
-    return whole(value) if abs(_number(value)) <= LARGEST else 0
+def _read_whole_number(value: Any) -> int:
+    return whole_number(value) if abs(_number(value)) <= LARGEST else 0
 
 
 def _text(value: Any) -> str:
@@ -234,7 +234,7 @@ def _array(value: Any) -> Any:
 
 def machine_of(value: Any) -> MachineProfile:
     """Return a machine with its calibrations, which its own file does not have. Raises ValueError, TypeError."""
-    found: MachineProfile = Typed().read(MachineProfile, value)
+    found: MachineProfile = RecordingReader().read(MachineProfile, value)
     _of_its_file(machine_from_table, {**value, "chuck": {**value["chuck"], **dict.fromkeys(OF_CALIBRATION)}})
     return found
 
@@ -242,21 +242,21 @@ def machine_of(value: Any) -> MachineProfile:
 def _of_its_file(read: Callable[[Mapping[str, Any]], Any], value: dict[str, Any]) -> Any:
     """Read a job or a machine as its own file is read, with its limits."""
     try:
-        return read(_stated(value))
+        return read(_drop_missing_values(value))
     except ProblemError as error:
         raise ValueError(error.problems[0].facts) from error
 
 
-def _stated(value: Any) -> Any:
+def _drop_missing_values(value: Any) -> Any:
     """Return values without those that are None: a TOML table does not have them."""
     if isinstance(value, dict):
-        return {key: _stated(each) for key, each in value.items() if each is not None}
-    return [_stated(each) for each in value] if isinstance(value, list) else value
+        return {key: _drop_missing_values(each) for key, each in value.items() if each is not None}
+    return [_drop_missing_values(each) for each in value] if isinstance(value, list) else value
 
 
 _PLAIN: Mapping[Any, Any] = {
     float: _number,
-    int: _whole,
+    int: _read_whole_number,
     bool: flag,
     str: _text,
     complex: _complex,
@@ -264,10 +264,10 @@ _PLAIN: Mapping[Any, Any] = {
 }
 
 
-def _played(path: Path, header: Header, lines: list[bytes]) -> Recording:
-    typed, tree = Typed(), None
+def _assemble_recording(path: Path, header: Header, lines: list[bytes]) -> Recording:
+    typed, tree = RecordingReader(), None
     times_s: list[float] = []
-    moments: list[Moment] = []
+    moments: list[RecordedMoment] = []
     notes: list[Note] = []
     for place, line in enumerate(lines, start=2):
         try:
@@ -280,16 +280,16 @@ def _played(path: Path, header: Header, lines: list[bytes]) -> Recording:
                 continue
             if found.keys() != {"t", "full"} and (tree is None or found.keys() != {"t", "set"}):
                 raise ValueError("neither a state nor a note")
-            tree = found["full"] if "full" in found else patched(tree or {}, found["set"])
-            moment, at_s = typed.read(Moment, tree), number(found["t"])
+            tree = found["full"] if "full" in found else apply_changes(tree or {}, found["set"])
+            moment, at_s = typed.read(RecordedMoment, tree), number(found["t"])
             if times_s and at_s < times_s[-1]:
                 raise ValueError("time goes back")
         except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
-            raise _damaged(path, place, f"{type(error).__name__}: {error}") from error
+            raise _damage_error(path, place, f"{type(error).__name__}: {error}") from error
         times_s.append(at_s)
         moments.append(moment)
     if not moments:
-        raise _damaged(path, 2, "")
+        raise _damage_error(path, 2, "")
     ordered = tuple(sorted(notes, key=lambda note: note.at_s))
     return Recording(path=path, header=header, times_s=tuple(times_s), moments=tuple(moments), notes=ordered)
 
@@ -308,17 +308,17 @@ def _header(path: Path, line: bytes) -> Header:
     try:
         if found.keys() != {*names_of(Header)}:
             raise ValueError("other keys")
-        header: Header = Typed().read(Header, found)
+        header: Header = RecordingReader().read(Header, found)
         machine_of(found["machine"])
-        whole(found["lines"])
+        whole_number(found["lines"])
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
-        raise _damaged(path, 1, f"{type(error).__name__}: {error}") from error
+        raise _damage_error(path, 1, f"{type(error).__name__}: {error}") from error
     times_s = (header.began_s, header.ended_s, header.at_s, *(cause.at_s for cause in header.causes))
     near = all(abs(at_s - header.began_s) <= LONGEST_S for at_s in times_s)
     if not (near and header.began_s <= header.ended_s and 0.0 <= header.utc_s <= LAST_UTC_S):
-        raise _damaged(path, 1, "began_s, ended_s, at_s, utc_s, causes")
+        raise _damage_error(path, 1, "began_s, ended_s, at_s, utc_s, causes")
     if not 0 < header.lines <= MOST_LINES:
-        raise _damaged(path, 1, "lines")
+        raise _damage_error(path, 1, "lines")
     return header
 
 
@@ -344,6 +344,6 @@ def _pieces(path: Path) -> Iterator[bytes]:
         raise ProfileError(Problem(code=code, where=printable(str(path)), key="1", value="gzip"))
 
 
-def _damaged(path: Path, line: int, why: str) -> ProfileError:
+def _damage_error(path: Path, line: int, why: str) -> ProfileError:
     value = printable(" ".join(why.split()), 160)
     return ProfileError(Problem(code="flight.damaged", where=printable(str(path)), key=str(line), value=value))

@@ -27,7 +27,7 @@ SEGMENTS = 11  # one that is being written, and ten that hold the last five minu
 MOST_BYTES = 2_000_000  # of a segment; then another one begins early, and less than five minutes are kept
 
 
-class Ring:
+class SegmentRing:
     """The ring of this process. Every method may raise OSError; then the ring begins a new segment."""
 
     def __init__(self, data: Path, machine: str) -> None:

@@ -56,7 +56,7 @@ def course_figure(
     drawn = frame(axes, names, ticks(*axes.x_range, 8), ticks(*axes.y_range))
     drawn.append(axes.level(nominal, GREY, 1.5, DASHED))
     if joined:
-        points = [axes.at(*pair) for pair in zip(turn.tolist(), value.tolist(), strict=True)]
+        points = [axes.point_at(*pair) for pair in zip(turn.tolist(), value.tolist(), strict=True)]
         drawn.append(path(points, ACCENT))
     else:
         drawn += _samples(axes, turn, value)
@@ -66,12 +66,12 @@ def course_figure(
 def _samples(axes: Axes, turn: Floats, value: Floats) -> list[Markup]:
     if turn.size <= MOST_DOTS:
         pairs = zip(turn.tolist(), value.tolist(), strict=True)
-        return [circle(axes.at(*pair), 1.8, fill=ACCENT) for pair in pairs]
+        return [circle(axes.point_at(*pair), 1.8, fill=ACCENT) for pair in pairs]
     drawn = []
     for stretch in np.array_split(np.arange(turn.size), STRETCHES):
         x = float(turn[stretch].mean())
         low, high = float(value[stretch].min()), float(value[stretch].max())
-        drawn.append(line(axes.at(x, low), axes.at(x, high), ACCENT, 1.5))
+        drawn.append(line(axes.point_at(x, low), axes.point_at(x, high), ACCENT, 1.5))
     return drawn
 
 
@@ -94,11 +94,11 @@ def chart_figure(
         drawn += [axes.level(each, GREY, 1.0, "2 3") for each in (limits.lower, limits.upper) if each > 0.0]
     if limit is not None:
         drawn.append(axes.level(limit, INK, 1.5, DASHED))
-    points = [axes.at(place + 1.0, value) for place, value in enumerate(values)]
+    points = [axes.point_at(place + 1.0, value) for place, value in enumerate(values)]
     drawn.append(path(points, GREY, 1.0))
     for place, point in enumerate(points):
         mine = place in own
         drawn.append(circle(point, 4.0 if mine else 2.5, fill=ACCENT if mine else "#fff", stroke=INK))
-        if place in chart.beyond:
+        if place in chart.places_beyond_limits:
             drawn.append(label((point[0], point[1] - 8.0), "!"))
     return picture(name, axes.size, title, description, *drawn)

@@ -20,8 +20,8 @@ from console.session.data.run_story import (
     RAISED,
     TELEMETRY_END,
     AlarmStory,
+    RecordedTelemetry,
     RunEvent,
-    Telemetry,
 )
 from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
@@ -55,14 +55,14 @@ def write_course(run: OpenedRun, text: Catalogue) -> Markup:
         text("report.course"),
         paragraph(element("strong", text("report.ended")), " ", ended),
         _recorded_figures(run, text),
-        paragraph(text("report.no_telemetry")) if last is None else _drawn(run, last, text),
-        _gathered(run, text),
+        paragraph(text("report.no_telemetry")) if last is None else _draw_cut(run, last, text),
+        _describe_gathered_data(run, text),
         _alarms(run, text),
         _events(run, text),
     )
 
 
-def _in_part(telemetry: Telemetry, run: OpenedRun) -> InPart | None:
+def _in_part(telemetry: RecordedTelemetry, run: OpenedRun) -> InPart | None:
     """Return the samples while the tool was fed along the part: before and after it is far from its path."""
     if telemetry.kind != POLLED:
         return None
@@ -75,7 +75,7 @@ def _in_part(telemetry: Telemetry, run: OpenedRun) -> InPart | None:
     return InPart(part=telemetry.part, **{name: each[over] for name, each in value.items()})
 
 
-def _drawn(run: OpenedRun, cut: InPart, text: Catalogue) -> Markup:
+def _draw_cut(run: OpenedRun, cut: InPart, text: Catalogue) -> Markup:
     name, turns = part_words(cut.part or "part", text), text("report.turns")
     error, speed = cut.tool_error_um, cut.speed_rpm
     facts = {"part": name, "count": error.size}
@@ -122,7 +122,7 @@ def _recorded_figures(run: OpenedRun, text: Catalogue) -> Markup | None:
     return paragraph(text("report.recorded_figures", figures="; ".join(said))) if said else None
 
 
-def _gathered(run: OpenedRun, text: Catalogue) -> Markup | None:
+def _describe_gathered_data(run: OpenedRun, text: Catalogue) -> Markup | None:
     windows = [each for each in run.story.telemetry if each.kind != POLLED]
     if not windows:
         return None
@@ -138,7 +138,7 @@ def _alarms(run: OpenedRun, text: Catalogue) -> Markup:
         [
             _time(run, alarm.raised),
             f"{_priority(alarm, text)}: {text.problem(alarm.problem)}",
-            _after(run, alarm, text),
+            _describe_alarm_end(run, alarm, text),
         ]
         for alarm in alarms
     ]
@@ -146,10 +146,10 @@ def _alarms(run: OpenedRun, text: Catalogue) -> Markup:
 
 
 def _priority(alarm: AlarmStory, text: Catalogue) -> str:
-    return _known("report.priority", alarm.priority, text)
+    return _name_or_code("report.priority", alarm.priority, text)
 
 
-def _after(run: OpenedRun, alarm: AlarmStory, text: Catalogue) -> str:
+def _describe_alarm_end(run: OpenedRun, alarm: AlarmStory, text: Catalogue) -> str:
     """Return when an alarm was acknowledged, and when it cleared."""
     said = []
     if alarm.acknowledged is not None:
@@ -177,13 +177,13 @@ def _name(event: RunEvent, text: Catalogue) -> str:
     data = event.data
     if event.kind == "step":
         part, step = part_words(str(data.get("part") or "part"), text), str(data.get("step", ""))
-        return f"{part}: {_known('step', step, text)}"
+        return f"{part}: {_name_or_code('step', step, text)}"
     if event.kind == "command":
         return order_words(str(data.get("command", "")), text)
-    return _known("report.event", event.kind, text)
+    return _name_or_code("report.event", event.kind, text)
 
 
-def _known(family: str, name: str, text: Catalogue) -> str:
+def _name_or_code(family: str, name: str, text: Catalogue) -> str:
     said = text(f"{family}.{name}")
     return name if said == f"{family}.{name}" else said
 
@@ -195,12 +195,12 @@ def _detail(event: RunEvent, text: Catalogue) -> str:
         return str(data.get("detail", ""))
     if event.kind == "result":
         return ""
-    said = ", ".join(_plain(data))
+    said = ", ".join(_list_event_values(data))
     shown = said if len(said) <= MOST_DETAIL else f"{said[:MOST_DETAIL]} …"
     return "; ".join(filter(None, (*(problem_words(each, text) for each in recorded_problems(data)), shown)))
 
 
-def _plain(data: Mapping[str, object]) -> Iterable[str]:
+def _list_event_values(data: Mapping[str, object]) -> Iterable[str]:
     for key, value in data.items():
         known = key in NOT_PLAIN or key.endswith("_sha256")  # these stand elsewhere in the report
         if known or value in (None, "", [], {}) or isinstance(value, Mapping):

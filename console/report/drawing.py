@@ -114,7 +114,7 @@ class Axes:
         """Size of the picture, with room for numbers and names."""
         return self.left + self.width + 12.0, self.top + self.height + 40.0
 
-    def at(self, x: float, y: float) -> Point:
+    def point_at(self, x: float, y: float) -> Point:
         """Return the place of a point."""
         (x_low, x_high), (y_low, y_high) = self.x_range, self.y_range
         return (
@@ -124,17 +124,17 @@ class Axes:
 
     def level(self, y: float, stroke: str, width: float = 1.5, dash: str | None = None) -> Markup:
         """Return a line across the frame."""
-        return line(self.at(self.x_range[0], y), self.at(self.x_range[1], y), stroke, width, dash)
+        return line(self.point_at(self.x_range[0], y), self.point_at(self.x_range[1], y), stroke, width, dash)
 
 
 def frame(axes: Axes, names: tuple[str, str], x_ticks: Sequence[float], y_ticks: Sequence[float]) -> list[Markup]:
     """Return grid, numbers and the names of the axes."""
     bottom, drawn = axes.top + axes.height, []
     for y in y_ticks:
-        left, height = axes.at(axes.x_range[0], y)
+        left, height = axes.point_at(axes.x_range[0], y)
         drawn += [axes.level(y, PALE, 0.75), label((left - 6.0, height + 4.0), f"{y:zg}", "end")]
     for x in x_ticks:
-        place, _ = axes.at(x, axes.y_range[0])
+        place, _ = axes.point_at(x, axes.y_range[0])
         drawn += [
             line((place, bottom), (place, bottom + 4.0), GREY),
             label((place, bottom + 17.0), f"{x:zg}"),

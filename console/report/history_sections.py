@@ -9,7 +9,7 @@ from console.report.drawing import figure
 from console.report.markup import Markup, element, list_of, paragraph, section
 from console.report.quantities import number, time_in, um
 from console.session.data.run_rows import recorded_problems
-from console.session.learning.job_chart import Figure, JobChart, job_chart
+from console.session.learning.job_chart import ChartedQuantity, JobChart, job_chart
 from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import problem_words
@@ -33,12 +33,12 @@ def write_debrief(run: OpenedRun, text: Catalogue) -> Markup | None:
 
 def write_learning(run: OpenedRun, text: Catalogue) -> Markup:
     """Write the proposed learning step and whether it was accepted."""
-    lines = [*_proposed(run, text), *_accepted(run, text), *_series(run, text)]
+    lines = [*_list_proposed_steps(run, text), *_list_accepted_versions(run, text), *_series(run, text)]
     body = list_of(lines) if lines else paragraph(text("report.nothing_learned_here"))
     return section("learned", text("report.learned"), body)
 
 
-def _proposed(run: OpenedRun, text: Catalogue) -> Iterator[str]:
+def _list_proposed_steps(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     for part in run.parts:
         step = part.data.get("learning")
         if not isinstance(step, Mapping):
@@ -55,8 +55,8 @@ def _proposed(run: OpenedRun, text: Catalogue) -> Iterator[str]:
             yield text("report.not_proposed", reasons="; ".join(problem_words(each, text) for each in reasons))
 
 
-def _accepted(run: OpenedRun, text: Catalogue) -> Iterator[str]:
-    for event in run.story.accepted:
+def _list_accepted_versions(run: OpenedRun, text: Catalogue) -> Iterator[str]:
+    for event in run.story.accepted_steps:
         version, name = str(event.data.get("version", "")), str(event.data.get("by", ""))
         yield text(
             "report.accepted", version=version, name=name, at=time_in(run.zone, event.at, run.story.row.started)
@@ -90,7 +90,7 @@ def write_chart(run: OpenedRun, text: Catalogue) -> Markup | None:
     points, row = run.points or (), run.story.row
     if len(points) < 2:
         return None
-    found = job_chart(points, Figure.RONT)
+    found = job_chart(points, ChartedQuantity.RONT)
     own = [place for place, point in enumerate(points) if point.run_id == row.run_id]
     caption = text("report.chart_caption", count=len(points), limit=um(found.upper_um))
     names = (text("part.part"), "RONt, µm")
@@ -101,20 +101,20 @@ def write_chart(run: OpenedRun, text: Catalogue) -> Markup | None:
 def _statistics(found: JobChart, text: Catalogue) -> Iterator[str]:
     limits = found.limits
     if limits is None:
-        yield text("report.chart_few", count=found.alike, least=LEAST_CHART)
+        yield text("report.chart_few", count=found.alike_count, least=LEAST_CHART)
     else:
         lower, upper = um(max(limits.lower, 0.0)), um(limits.upper)
         yield text("report.chart_limits", mean=um(limits.mean), lower=lower, upper=upper)
         yield text("report.chart_beyond", count=len(limits.beyond))
     if found.begins:
-        yield text("records_page.chart.alike", count=found.alike)
+        yield text("records_page.chart.alike", count=found.alike_count)
     slope = trend(found.values_um[found.begins :])
     if slope is not None:
         key = "report.trend" if slope.significant else "report.no_trend"
         yield text(key, slope=f"{slope.per_part:+z.3f}", half=number(slope.half_width, 3))
     able = found.capability
     if able is None:
-        facts = {"count": found.alike, "least": LEAST_PARTS, "beyond": len(found.beyond)}
+        facts = {"count": found.alike_count, "least": LEAST_PARTS, "beyond": len(found.places_beyond_limits)}
         yield f"Cpk: {text(f'records_page.chart.claim.{found.no_claim}', **facts)}"
     else:
         shown = {"cpk": able.cpk, "low": able.cpk_low, "high": able.cpk_high}

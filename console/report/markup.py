@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from console.escaping import escaped
+from console.escaping import escape_text
 
 VOID = frozenset({"meta", "br", "hr", "col"})
 
@@ -20,7 +20,7 @@ class Markup(str):
 
 def escape_markup(text: str) -> Markup:
     """Return a text as HTML; characters that HTML does not allow are shown by their code."""
-    return text if isinstance(text, Markup) else Markup(escape(escaped(text)))
+    return text if isinstance(text, Markup) else Markup(escape(escape_text(text)))
 
 
 def join_markup(parts: Iterable[str | None]) -> Markup:

@@ -50,7 +50,7 @@ def write_measurement(run: OpenedRun, text: Catalogue) -> Markup:
     return section(
         "measured",
         title,
-        _how(run, text),
+        _describe_evaluation(run, text),
         _plots(run, text),
         _figures(run, text),
         _diameters(run, text),
@@ -60,7 +60,7 @@ def write_measurement(run: OpenedRun, text: Catalogue) -> Markup:
     )
 
 
-def _how(run: OpenedRun, text: Catalogue) -> Markup | None:
+def _describe_evaluation(run: OpenedRun, text: Catalogue) -> Markup | None:
     """Return the conditions of every figure: circle, filter, state, number of points."""
     shown = run.product or run.parts[-1]
     found = run.evaluated(shown)
@@ -183,13 +183,13 @@ def _jaws(jaw_1_deg: float, jaws: int, word: str) -> list[Markup]:
 def _plots(run: OpenedRun, text: Catalogue) -> Markup | None:
     """Return both parts on one scale, and the product alone on its own."""
     product = run.evaluated(run.product)
-    before, measured_before = _before(run)
+    before, measured_before = _uncompensated_profile(run)
     if product is None:
         if before is None or not measured_before:
             return None
         alone = before
         return _plot("before", [alone], _marks(run, run.before, None), text, text("report.plot_before_only"))
-    mine = _drawn(product)
+    mine = _plotted_profile(product)
     marks = _marks(run, run.product, mine)
     magnified = _plot("alone", [mine], marks, text, text("report.plot_alone"))
     if before is None:
@@ -213,21 +213,21 @@ def _plot(name: str, profiles: list[Profile], marks: Marks, text: Catalogue, wha
     return figure(drawing, caption, "round")
 
 
-def _before(run: OpenedRun) -> tuple[Profile | None, bool]:
+def _uncompensated_profile(run: OpenedRun) -> tuple[Profile | None, bool]:
     """Return the part without compensation, turned to the jaws of the product, and whether it was measured."""
     product, found = run.evaluated(run.product), run.evaluated(run.before)
     jaw_1_deg = product.jaw_1_deg if product else None
     if found is not None:
         by_deg = 0.0 if jaw_1_deg is None or found.jaw_1_deg is None else jaw_1_deg - found.jaw_1_deg
-        return _drawn(found, by_deg, bold=False), True
+        return _plotted_profile(found, by_deg, bold=False), True
     if run.before is not None or run.job is None or jaw_1_deg is None or not run.job.lobe_error_um_pp:
         return None, False
     if is_plain(run.story.row.strategy):
         return None, False
-    return _stated(run.job, jaw_1_deg), False
+    return _job_lobe_profile(run.job, jaw_1_deg), False
 
 
-def _drawn(found: EvaluatedPart, by_deg: float = 0.0, *, bold: bool = True) -> Profile:
+def _plotted_profile(found: EvaluatedPart, by_deg: float = 0.0, *, bold: bool = True) -> Profile:
     """Return the profile of a part, turned by an angle, with as many points as are drawn."""
     angle_deg = found.turn.angle_deg
     order = np.argsort(np.mod(angle_deg, 360.0), kind="stable")
@@ -235,7 +235,7 @@ def _drawn(found: EvaluatedPart, by_deg: float = 0.0, *, bold: bool = True) -> P
     return Profile(angle_deg=angle_deg[kept] + by_deg, deviation_um=found.profile_um[kept], bold=bold)
 
 
-def _stated(job: Job, jaw_1_deg: float) -> Profile:
+def _job_lobe_profile(job: Job, jaw_1_deg: float) -> Profile:
     """Return the lobe that a job states, turned to jaw 1 of the trace."""
     turned = _TURN_DEG - jaw_1_deg + job.jaw_1_deg
     return Profile(angle_deg=_TURN_DEG, deviation_um=free_state_lobe(job).at_um(turned), bold=False)
@@ -312,7 +312,7 @@ def harmonics_figure(
     for place, (result, product) in enumerate(parts):
         for n in orders:
             height = math.log10(max(2.0 * result.amplitude_um(n), LEAST_UM) / LEAST_UM)
-            (x, y), (_, foot) = axes.at(float(n), height), axes.at(float(n), 0.0)
+            (x, y), (_, foot) = axes.point_at(float(n), height), axes.point_at(float(n), 0.0)
             left = x + wide * (place - 0.5 * len(parts))
             drawn.append(_bar(left, y, wide - 1.0, foot - y, product=product))
     return picture(name, axes.size, title, description, *drawn)
@@ -321,7 +321,7 @@ def harmonics_figure(
 def _decades(axes: Axes, decades: int) -> list[Markup]:
     drawn = []
     for decade in range(decades + 1):
-        left, height = axes.at(axes.x_range[0], float(decade))
+        left, height = axes.point_at(axes.x_range[0], float(decade))
         drawn += [axes.level(float(decade), PALE, 0.75)]
         drawn += [label((left - 6.0, height + 4.0), f"{LEAST_UM * 10**decade:g}", "end")]
     return drawn
@@ -383,14 +383,14 @@ def _all_parts(run: OpenedRun, text: Catalogue) -> Markup | None:
             number(part.ront_um, 3),
             number(part.lobe_um_pp, 3),
             number(part.diameter_mm, 4),
-            _passed(part.passed, text),
+            _describe_pass(part.passed, text),
         ]
         for part, note in (*again, *parts)
     ]
     return table(text("report.all_parts"), [*head, text("report.judged")], rows, numeric=(1, 2, 3))
 
 
-def _passed(passed: bool | None, text: Catalogue) -> str:
+def _describe_pass(passed: bool | None, text: Catalogue) -> str:
     if passed is None:
         return text("report.not_judged")
     sign = SIGNS[Judgement.GOOD if passed else Judgement.BAD]

@@ -16,7 +16,7 @@ from console.report.markup import (
 )
 from console.report.quantities import DEG_DIGITS, MM_DIGITS, UM_DIGITS, exact
 from console.session.data.run_facts import origin_facts, program_sha256, setup_facts
-from console.session.data.run_rows import How
+from console.session.data.run_rows import RunOutcome
 from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import Layout, fact_rows, part_words, stage_words
@@ -78,7 +78,7 @@ def _rows(job: Job, keys: tuple[str, ...], text: Catalogue) -> list[tuple[str, s
             continue
         shown = value if isinstance(value, str) else exact(value, _UNITS[key])
         assumed = f" ({text('setup.assumed')})" if key in job.assumed else ""
-        rows.append((text.either(f"report.field.{key}", f"setup.{key}"), shown + assumed))
+        rows.append((text.first_sentence(f"report.field.{key}", f"setup.{key}"), shown + assumed))
     return rows
 
 
@@ -132,7 +132,7 @@ def write_sent(run: OpenedRun, text: Catalogue) -> Markup:
         (text("fact.strategy"), text(f"strategy.{row.strategy}.named")),
         (text("report.stage"), stage),
         (text("report.compensation"), learned),
-        (text("report.inverted"), _inverted(inverted, text)),
+        (text("report.inverted"), _describe_inverted_response(inverted, text)),
         (text("fact.controller"), story.controller or text("report.not_recorded")),
         (text("report.address"), _address(run.story.setup_as_armed.get("address"), text)),
         (text("report.program"), text("report.program_size", count=lines)),
@@ -147,7 +147,7 @@ def write_sent(run: OpenedRun, text: Catalogue) -> Markup:
     )
 
 
-def _inverted(name: object, text: Catalogue) -> str:
+def _describe_inverted_response(name: object, text: Catalogue) -> str:
     if not name:
         return text("report.not_recorded")
     return text("report.inverted_model") if name == "model" else str(name)
@@ -213,9 +213,9 @@ def list_gaps(run: OpenedRun, text: Catalogue) -> Iterator[str]:  # noqa: C901 -
             yield text("report.job_not_kept")
         if story.machine_text is None and "machine" not in story.damaged:
             yield text("report.machine_not_kept")
-    if story.complete is False and row.ended.how is not How.OPEN:
+    if story.complete is False and row.ended.how is not RunOutcome.OPEN:
         yield text("report.telemetry_incomplete")
-    if row.ended.how is How.OPEN and "events" not in story.damaged:
+    if row.ended.how is RunOutcome.OPEN and "events" not in story.damaged:
         yield text("report.no_end")
     for part in run.parts:
         name = part_words(part.part or "part", text)

@@ -9,7 +9,7 @@ from typing import Any
 
 from console.report.quantities import against_limit, mm, um
 from console.session.cut.cut_verdict import CutJudgement
-from console.session.data.run_rows import FAILED_HOW, How
+from console.session.data.run_rows import FAILED_HOW, RunOutcome
 from console.session.learning.opened_run import OpenedRun
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
@@ -30,37 +30,37 @@ SIGNS = {Judgement.GOOD: "✓", Judgement.BAD: "✗", Judgement.DOUBTFUL: "?", J
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class ReportVerdict:
     """A judgement with its reasons as sentences."""
 
     judgement: Judgement
     reasons: tuple[str, ...]
 
 
-def judge_run(run: OpenedRun, text: Catalogue) -> Verdict:
+def judge_run(run: OpenedRun, text: Catalogue) -> ReportVerdict:
     """Return the verdict of a run: a part is good only if it was cut as planned, and the record agrees."""
     row, product = run.story.row, run.product
-    judged = tuple(_judged(run, text))
+    judged = tuple(_list_verdict_reasons(run, text))
     contradiction = run.contradicts_itself or (product is not None and run.doubts(product))
     if row.damaged or run.story.damaged or contradiction:
-        return Verdict(judgement=Judgement.DOUBTFUL, reasons=(text("report.why.doubtful"), *judged))
-    if row.ended.how in FAILED_HOW | {How.OPEN, How.NOT_STARTED}:
+        return ReportVerdict(judgement=Judgement.DOUBTFUL, reasons=(text("report.why.doubtful"), *judged))
+    if row.ended.how in FAILED_HOW | {RunOutcome.OPEN, RunOutcome.NOT_STARTED}:
         ended = ending_words(row.ended, text, Layout.REPORT, run.story.alarms)
         judgement = Judgement.BAD if row.ended.how in FAILED_HOW else Judgement.OPEN
-        return Verdict(judgement=judgement, reasons=(ended, *judged))
+        return ReportVerdict(judgement=judgement, reasons=(ended, *judged))
     if product is None:
         why = "report.why.air" if row.stage == Stage.AIR else "report.why.not_measured"
-        return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
+        return ReportVerdict(judgement=Judgement.OPEN, reasons=(text(why),))
     passed = product.passed
     if passed is None:
         unproven = run.story.cut_verdict.get("cut_verdict") == CutJudgement.NOT_PROVEN
         open_for = "report.why.not_proven" if unproven else "report.why.no_judgement"
         why = "report.why.partial" if row.stage == Stage.PARTIAL else open_for
-        return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
-    return Verdict(judgement=Judgement.GOOD if passed else Judgement.BAD, reasons=judged)
+        return ReportVerdict(judgement=Judgement.OPEN, reasons=(text(why),))
+    return ReportVerdict(judgement=Judgement.GOOD if passed else Judgement.BAD, reasons=judged)
 
 
-def _judged(run: OpenedRun, text: Catalogue) -> Iterator[str]:
+def _list_verdict_reasons(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     """Yield each measured value against its limit."""
     recorded = run.product
     if recorded is None or recorded.passed is None:

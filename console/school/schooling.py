@@ -11,19 +11,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from console.school.instructing.with_instructor import instructed
+from console.school.instructing.instructor_access import serve_instructor
 from console.school.training.attempt import Attempt
-from console.school.training.following import followed
-from console.school.training.left import keep_left
+from console.school.training.following import follow_attempt
+from console.school.training.unfinished_try import keep_left
 from console.text.catalogue import Catalogue
 from console.tui.ui_context import UiContext
 from drivers.link.address import SimulatedAddress
 
 if TYPE_CHECKING:
-    from console.school.practising import TakenUp
+    from console.school.practice_lathe import TakenUp
     from console.school.training.lesson import Lesson
-    from console.session.station.begins import Begins
     from console.session.station.link_thread import LinkThread
+    from console.session.station.session_start import SessionStart
     from console.session.work import Work
     from console.tui.app import ConsoleApp
     from drivers.simulator.hosts.control_address import ControlAddress
@@ -37,7 +37,7 @@ def follow_lesson(ui: UiContext) -> None:
     """Take the newest state; keep the try on disk after a step, whatever ends this console."""
     if not isinstance(before := ui.attempt, Attempt):
         return
-    ui.attempt = after = followed(before, ui.control)
+    ui.attempt = after = follow_attempt(before, ui.control)
     if after.step > before.step:
         with ui.answering():
             keep_left(ui.data, after, ui.control.now_s())
@@ -54,7 +54,7 @@ class Schooling:
     instructor: ControlAddress | None = None
     machine: LoadedMachine | None = None
     address: SimulatedAddress | None = None
-    begins: Begins | None = None
+    begins: SessionStart | None = None
     work: Work | None = None
     practice: TakenUp | None = None
 
@@ -69,12 +69,12 @@ class Schooling:
         app.ui.attempt, app.ui.work = self.attempt, self.work
         if self.attempt is not None:
             app.followers.append(lambda: follow_lesson(app.ui))
-        with instructed(self.instructor, app, link, data):
+        with serve_instructor(self.instructor, app, link, data):
             yield
 
     def keep(self, app: ConsoleApp) -> None:
         """Keep the try of a lesson that is left, so that it can be continued. Raises ProfileError."""
-        from console.school.training.left import keep_left
+        from console.school.training.unfinished_try import keep_left
 
         if isinstance(app.ui.attempt, Attempt):
             keep_left(app.ui.data, app.ui.attempt, app.ui.control.now_s())
@@ -82,7 +82,7 @@ class Schooling:
 
 def taken_up(options: Namespace, data: Path, text: Catalogue) -> Schooling:
     """Return the practice of `--from`. Raises ProblemError: as `practising.taken_up`."""
-    from console.school.practising import taken_up as practice_of  # not for the first paint
+    from console.school.practice_lathe import taken_up as practice_of  # not for the first paint
 
     taken = practice_of(options, data, text)
     return Schooling(
@@ -96,7 +96,7 @@ def taken_up(options: Namespace, data: Path, text: Catalogue) -> Schooling:
     )
 
 
-def begun(options: Namespace, data: Path, text: Catalogue) -> Attempt:
+def begin_attempt(options: Namespace, data: Path, text: Catalogue) -> Attempt:
     """Return a try of a lesson that begins now, or is continued.
 
     Raises ProfileError: the lesson is unknown, or cannot be read, or the try that was left.
@@ -111,22 +111,22 @@ def begun(options: Namespace, data: Path, text: Catalogue) -> Attempt:
     trainee = options.trainee or ""
     check_trainee(trainee)
     lesson = load_lesson(options.lesson, own_folder(data))
-    if (left := _continued(data, trainee, lesson, text)) is not None:
+    if (left := _continue_attempt(data, trainee, lesson, text)) is not None:
         return left
     seed = random.SystemRandom().randrange(SEEDS) if lesson.seed is None else lesson.seed
     return Attempt(lesson=lesson, began_s=time.monotonic(), seed=seed, trainee=trainee)
 
 
-def _continued(data: Path, trainee: str, lesson: Lesson, text: Catalogue) -> Attempt | None:
+def _continue_attempt(data: Path, trainee: str, lesson: Lesson, text: Catalogue) -> Attempt | None:
     """Return the try that was left, where there is one that can be continued and is to be."""
     from dataclasses import replace
 
-    from console.school.training.left import continued, is_the_same, read_left
+    from console.school.training.unfinished_try import continue_try, is_the_same, read_left
 
     left = read_left(data, trainee, lesson.name)
     if left is None:
         return None
-    attempt = continued(left, lesson, time.monotonic())
+    attempt = continue_try(left, lesson, time.monotonic())
     minutes, seconds = divmod(int(left.took_s), 60)
     facts = {"made": len(left.reached), "steps": len(lesson.steps), "kept": attempt.continued if attempt else 0}
     if attempt is None:
@@ -154,10 +154,10 @@ def _answer(question: str) -> str:
 
 
 def schooling(options: Namespace, data: Path, text: Catalogue) -> Schooling:
-    """Return the lesson of `--lesson`, if any, and the instructor. Raises ProfileError: as `begun`."""
+    """Return the lesson of `--lesson`, if any, and the instructor. Raises ProfileError: as `begin_attempt`."""
     if options.lesson is None:
         return Schooling(instructor=options.instructor)
-    attempt = begun(options, data, text)
+    attempt = begin_attempt(options, data, text)
     lesson = attempt.lesson
     address = SimulatedAddress(plant=lesson.plant_of(attempt.seed), seed=attempt.seed, blind=lesson.blind)
     return Schooling(attempt=attempt, instructor=options.instructor, address=address)

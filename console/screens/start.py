@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from console.cli.library import data_of, machine_of, simulated_address
 from console.escaping import CELLS
-from console.flight.notes import Inbox, Kind
+from console.flight.notes import Inbox, NoteKind
 from console.flight.recorded_control import RecordedControl
 from console.rings import SCHOOL
 from console.session.alarm_notes import AlarmNotes
@@ -29,8 +29,8 @@ from console.session.data.calibrated_chuck import calibrated_or_stated
 from console.session.ending_signal import has_come
 from console.session.errors import SessionError
 from console.session.station.link_thread import LinkThread
+from console.session.station.machine_address import address_of
 from console.session.station.state import StationState
-from console.session.station.whereabouts import address_of
 from console.session.terminal_place import remote_client
 from console.text.catalogue import Catalogue
 from console.tui.app import ConsoleApp
@@ -45,11 +45,11 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 if TYPE_CHECKING:
-    from console.flight.recorder import Recorder
-    from console.session.feed.observed import Observed
+    from console.flight.recorder import FlightRecorder
+    from console.session.feed.observed_state import ObservedState
     from console.session.feed.server import FeedServer
-    from console.session.station.begins import Begins
-    from console.session.station.link.opening import Opened
+    from console.session.station.link.opening import OpenMachine
+    from console.session.station.session_start import SessionStart
     from console.tui.ui_context import UiContext
 
 WRONG_USAGE = 2
@@ -62,12 +62,12 @@ SWITCH_INTERVAL_S = 0.0005
 """Longest time for the drawing thread to keep the interpreter while the link waits: watchdog and polls first."""
 
 
-class Schooling(Protocol):
+class SchoolSession(Protocol):
     """A session of the school: what the screens begin with in place of their own, and who follows them."""
 
     machine: LoadedMachine | None
     address: SimulatedAddress | None
-    begins: Begins | None
+    begins: SessionStart | None
 
     def attend(self, app: ConsoleApp, link: LinkThread, data: Path) -> AbstractContextManager[None]:
         """Follow the screens, until they end."""
@@ -87,7 +87,7 @@ class ScreenFeed:
         """Begin to publish; returns at once."""
         from console.session.feed.server import FeedServer  # not for the first paint
 
-        self._server = FeedServer(self._data, lambda: self._observed(ui, state()))
+        self._server = FeedServer(self._data, lambda: self._observe_state(ui, state()))
         self._server.launch()
 
     def close(self) -> tuple[Problem, ...]:
@@ -97,11 +97,11 @@ class ScreenFeed:
         self._server.close()
         return self._server.problems
 
-    def _observed(self, ui: UiContext, state: StationState) -> Observed:
-        from console.session.feed.observed import Observed
+    def _observe_state(self, ui: UiContext, state: StationState) -> ObservedState:
+        from console.session.feed.observed_state import ObservedState
 
         work, standing = ui.work, ui.log.alarms.standing
-        return Observed(
+        return ObservedState(
             state=state,
             machine=self._machine,
             now_s=self._link.now_s(),
@@ -150,7 +150,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     )
     feed, notes = ScreenFeed(link, machine, data), AlarmNotes(data, machine.machine.name, simulated=simulated)
     looks = (text, appearance, options.configuration)
-    app, control = _recorded(link, inbox, machine, data, looks, feed, notes)
+    app, control = _build_recorded_screens(link, inbox, machine, data, looks, feed, notes)
     with closing(notes), nullcontext() if schooling is None else schooling.attend(app, link, data):
         return _run(link, app, control, tracing, feed, schooling)
 
@@ -166,7 +166,7 @@ def _run(
     control: RecordedControl,
     tracing: Tracing,
     feed: ScreenFeed,
-    schooling: Schooling | None,
+    schooling: SchoolSession | None,
 ) -> int:
     """Run the screens to their end, and leave the machine; return the exit code."""
     ending = _Ending(link, app)
@@ -206,7 +206,7 @@ def _wrong_usage(options: Namespace, requested: SimulatedAddress | None, *, simu
     return "usage.lesson_alone" if requested is not None and options.lesson is not None else ""
 
 
-def _keep(schooling: Schooling | None, app: ConsoleApp) -> None:
+def _keep(schooling: SchoolSession | None, app: ConsoleApp) -> None:
     """Keep what a session of the school leaves."""
     if schooling is None:
         return
@@ -233,7 +233,7 @@ def _appearance(configuration: Configuration, text: Catalogue) -> Appearance:
     return appearance
 
 
-def _recorded(
+def _build_recorded_screens(
     link: LinkThread,
     inbox: Inbox,
     machine: LoadedMachine,
@@ -261,7 +261,7 @@ def _recorded(
         machine=machine,
         data=data,
         begin=begin,
-        heard=lambda key: inbox.put(Kind.KEY, key),
+        heard=lambda key: inbox.put(NoteKind.KEY, key),
         driver_class=StopDriver,
         appearance=appearance,
         configuration=configuration,
@@ -273,15 +273,17 @@ def _recorded(
 
 def _recorder(
     control: RecordedControl, app: ConsoleApp, machine: LoadedMachine, data: Path, inbox: Inbox
-) -> Recorder:
-    from console.flight.recorded_forms import Moment, work_of
-    from console.flight.recorder import Recorder
+) -> FlightRecorder:
+    from console.flight.recorded_forms import RecordedMoment, work_of
+    from console.flight.recorder import FlightRecorder
 
-    def observed() -> Moment:
+    def observed() -> RecordedMoment:
         """Return what is recorded now; all of it is read by reference, in the thread of the recorder."""
-        return Moment(state=control.state, page=app.page, work=work_of(app.ui.work), said=app.ui.said)
+        return RecordedMoment(
+            state=control.state, page=app.page, work=work_of(app.ui.work), said=app.ui.key_answer
+        )
 
-    return Recorder(data, machine, observed, inbox, now_s=control.now_s)
+    return FlightRecorder(data, machine, observed, inbox, now_s=control.now_s)
 
 
 def _open(
@@ -289,9 +291,9 @@ def _open(
     address: LinkAddress,
     data: Path,
     tracing: Tracing,
-    begins: Begins | None,
+    begins: SessionStart | None,
     trained: TrainingClock | None,
-) -> Opened:
+) -> OpenMachine:
     """Open the machine in the link thread: its imports take longer than the first paint."""
     from console.session.station.link.opening import open_machine
 

@@ -106,7 +106,7 @@ class BoundedServer:
             return
         with ExitStack() as opened:
             try:
-                server, bound = await self._listen(self._made, opened)
+                server, bound = await self._listen(self._make_protocol, opened)
             except OSError as error:
                 self.failed = error
                 self._started.put(error)
@@ -123,11 +123,11 @@ class BoundedServer:
         for _ in range(ROUNDS_OF_THE_LAST):
             await asyncio.sleep(0.0)
 
-    def _made(self) -> asyncio.Protocol:
+    def _make_protocol(self) -> asyncio.Protocol:
         reader = asyncio.StreamReader(limit=self._longest_line + 1)
-        return asyncio.StreamReaderProtocol(reader, self._served)
+        return asyncio.StreamReaderProtocol(reader, self._serve_client)
 
-    async def _served(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _serve_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve one client until it leaves, or does what no client may."""
         self._clients += 1
         try:

@@ -31,7 +31,7 @@ OTHER_VARIABLES = ("TRILOBE_TRACEBACK", "TRILOBE_MQTT_USER", "TRILOBE_MQTT_PASSW
 LONGEST_PATH = 1024
 
 
-class Origin(StrEnum):
+class SettingOrigin(StrEnum):
     """Kind of the place that a value comes from."""
 
     FILE = "file"
@@ -53,7 +53,7 @@ class Setting:
     """A value and where it comes from: `place` is a file, a variable or an option, "" for one that is built in."""
 
     value: str | None
-    origin: Origin
+    origin: SettingOrigin
     place: str = ""
 
 
@@ -79,9 +79,9 @@ class Configuration:
         """Return the value of a key, None for the built-in one."""
         return self.settings[key].value if key in self.settings else None
 
-    def below(self, layer: Layer) -> Configuration:
+    def with_layer(self, layer: Layer) -> Configuration:
         """Return the configuration with a layer that wins over it."""
-        settings, aside = _merged((self.settings, layer))
+        settings, aside = _merge_layers((self.settings, layer))
         return replace(self, settings=settings, link_set_aside=aside or self.link_set_aside)
 
 
@@ -96,7 +96,7 @@ def read_configuration(environment: Mapping[str, str], site: Path = SITE_FILE) -
         layers.append(layer)
         problems += wrong
     layer, wrong = _from_variables(environment)
-    settings, aside = _merged((*layers, layer))
+    settings, aside = _merge_layers((*layers, layer))
     known = (*map(variable_of, KEYS), *OTHER_VARIABLES)
     unknown = sorted(name for name in environment if name.startswith(PREFIX) and name not in known)
     return Configuration(
@@ -142,8 +142,8 @@ def _from_file(path: Path) -> tuple[Layer, State, list[Problem]]:
         return {}, State.REFUSED, [problem]
     given = {key: value for key, value in table.items() if key != "schema"}
     values, problems = read_fields(_fields(), given, where=where)
-    layer, wrong = _judged(values, where=dict.fromkeys(values, where))
-    made = {key: Setting(value=value, origin=Origin.FILE, place=str(path)) for key, value in layer.items()}
+    layer, wrong = _validate_values(values, where=dict.fromkeys(values, where))
+    made = {key: Setting(value=value, origin=SettingOrigin.FILE, place=str(path)) for key, value in layer.items()}
     problems += wrong
     return made, State.REFUSED if problems else State.READ, problems
 
@@ -161,28 +161,29 @@ def _from_variables(environment: Mapping[str, str]) -> tuple[Layer, list[Problem
             found, wrong = read_fields((field,), {field.key: given[field.key]}, where=variable_of(field.key))
             values |= found
             problems += wrong
-    layer, wrong = _judged(values, where={key: variable_of(key) for key in values})
+    layer, wrong = _validate_values(values, where={key: variable_of(key) for key in values})
     made = {
-        key: Setting(value=value, origin=Origin.VARIABLE, place=variable_of(key)) for key, value in layer.items()
+        key: Setting(value=value, origin=SettingOrigin.VARIABLE, place=variable_of(key))
+        for key, value in layer.items()
     }
     return made, [*problems, *wrong]
 
 
 def _fields() -> tuple[Field, ...]:
-    from profiles.fields import Field, Kind
+    from profiles.fields import Field, FieldType
 
     return (
-        Field(key="data", kind=Kind.TEXT, optional=True, longest=LONGEST_PATH),
-        Field(key="machine", kind=Kind.TEXT, optional=True, longest=LONGEST_PATH),
-        Field(key="link", kind=Kind.TEXT, optional=True, longest=LONGEST_PATH),
-        Field(key="language", kind=Kind.CHOICE, choices=tuple(LANGUAGES), optional=True),
-        Field(key="operator", kind=Kind.TEXT, optional=True),
-        *(Field(key=key, kind=Kind.CHOICE, choices=each, optional=True) for key, each in CHOICES.items()),
-        Field(key="keys", kind=Kind.TEXT, optional=True, longest=KEYS_CAP_CHARACTERS),
+        Field(key="data", kind=FieldType.TEXT, optional=True, longest=LONGEST_PATH),
+        Field(key="machine", kind=FieldType.TEXT, optional=True, longest=LONGEST_PATH),
+        Field(key="link", kind=FieldType.TEXT, optional=True, longest=LONGEST_PATH),
+        Field(key="language", kind=FieldType.CHOICE, choices=tuple(LANGUAGES), optional=True),
+        Field(key="operator", kind=FieldType.TEXT, optional=True),
+        *(Field(key=key, kind=FieldType.CHOICE, choices=each, optional=True) for key, each in CHOICES.items()),
+        Field(key="keys", kind=FieldType.TEXT, optional=True, longest=KEYS_CAP_CHARACTERS),
     )
 
 
-def _judged(values: Mapping[str, Any], where: Mapping[str, str]) -> tuple[dict[str, str], list[Problem]]:
+def _validate_values(values: Mapping[str, Any], where: Mapping[str, str]) -> tuple[dict[str, str], list[Problem]]:
     """Return the values that can be used, and the problems of the others; None is no value."""
     sound: dict[str, str] = {}
     problems: list[Problem] = []
@@ -197,17 +198,17 @@ def _judged(values: Mapping[str, Any], where: Mapping[str, str]) -> tuple[dict[s
 
 
 def _fault(key: str, value: str) -> Problem | None:
-    from profiles.fields import spelled
+    from profiles.fields import spell_toml
     from profiles.problem import Problem, ProblemError
 
     if not value:
-        return Problem(code="value.blank", value=spelled(value))
+        return Problem(code="value.blank", value=spell_toml(value))
     is_path = key == "data" or (key == "machine" and (os.sep in value or value.endswith(".toml")))
     # Relative to what? The folder of the file and that in which the console was started are both guesses.
     if is_path and not os.path.isabs(value):
-        return Problem(code="config.relative_path", value=spelled(value))
+        return Problem(code="config.relative_path", value=spell_toml(value))
     if key == "keys" and (entry := fault_in_keys(value)):
-        return Problem(code="config.bad_key", value=spelled(entry))
+        return Problem(code="config.bad_key", value=spell_toml(entry))
     if key == "link":
         from drivers.link.address import parse_address
 
@@ -218,7 +219,7 @@ def _fault(key: str, value: str) -> Problem | None:
     return None
 
 
-def _merged(layers: Iterable[Layer]) -> tuple[dict[str, Setting], Setting | None]:
+def _merge_layers(layers: Iterable[Layer]) -> tuple[dict[str, Setting], Setting | None]:
     """Return the settings of all layers, the last ones winning; and the link that was set aside.
 
     A link leads to one machine. Where a later layer names another, the link of an earlier one does not count.

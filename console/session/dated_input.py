@@ -45,11 +45,11 @@ class InputAge:
         free = next((column for column in islice(self._columns, PLACES) if column not in self._asked), None)
         return None if free is None else (free, f"\x1b7\x1b[{ROW};{free}H\x1b[6n\x1b8")
 
-    def asked(self, column: int, now_s: float) -> None:
+    def note_question(self, column: int, now_s: float) -> None:
         """Note that a question was written."""
         self._asked[column] = self._newest_s = now_s
 
-    def answered(self, row: int, column: int, now_s: float) -> bool:
+    def take_cursor_report(self, row: int, column: int, now_s: float) -> bool:
         """Take a report of the cursor; return False if it answers none of these questions."""
         asked_s = self._asked.pop(column, None) if row == ROW else None
         if asked_s is None:
@@ -58,7 +58,7 @@ class InputAge:
         self._answered_s = max(self._answered_s, asked_s)
         return True
 
-    def emptied(self, began_s: float) -> None:
+    def note_emptied_input(self, began_s: float) -> None:
         """Note that all has been obeyed which was there at this time."""
         self._emptied_s = began_s
 
@@ -97,14 +97,14 @@ def read_line(question: str, terminal: int = 0) -> TypedLine:
     try:
         termios.tcsetattr(terminal, termios.TCSAFLUSH, changed)
         print(question, end="", file=sys.stderr, flush=True)
-        return _Line(terminal, out).read()
+        return _TerminalLine(terminal, out).read()
     finally:
         termios.tcsetattr(terminal, termios.TCSADRAIN, before)
         os.write(out, b"\n")
         os.close(out)
 
 
-class _Line:
+class _TerminalLine:
     """The line at a terminal that neither edits nor echoes."""
 
     def __init__(self, terminal: int, out: int) -> None:
@@ -117,7 +117,7 @@ class _Line:
             began_s = boot_s()
             if asks := self._age.question(began_s):
                 os.write(self._out, asks[1].encode())
-                self._age.asked(asks[0], began_s)
+                self._age.note_question(asks[0], began_s)
             if select.select([self._terminal], [], [], ASK_S)[0]:
                 data = os.read(self._terminal, 4096)
                 waiting += decode(data) if data else _END
@@ -125,13 +125,13 @@ class _Line:
                     waiting = waiting[token.end() :]
                     if self._take(token):
                         return TypedLine(self._text, self._late)
-            self._age.emptied(began_s)
+            self._age.note_emptied_input(began_s)
 
     def _take(self, token: re.Match[str]) -> bool:
         """Take a character or an answer; return whether the line has ended."""
         said = token[0]
         if token[1]:
-            self._age.answered(int(token[1]), int(token[2]), boot_s())
+            self._age.take_cursor_report(int(token[1]), int(token[2]), boot_s())
             return False
         self._late |= self._age.late_s() is not None
         erased = {_ERASE_ALL: len(self._text)}.get(said, int(said in _ERASE and bool(self._text)))

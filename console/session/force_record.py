@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from profiles.compensations.force_null import AGREES_DEG, MIRRORED_DEG, SURE, ForceNull, Sign, Why
+from profiles.compensations.force_null import AGREES_DEG, MIRRORED_DEG, SURE, ForceNull, ForceNullReason, Sign
 from profiles.job import Job
 from profiles.problem import Problem
-from profiles.strict_values import from_json, number, text, whole
+from profiles.strict_values import from_json, number, text, whole_number
 
 FORCE = "force_null"
 _COMPLEX = ("force_n", "right_n", "wrong_n", "ratio")
@@ -83,11 +83,11 @@ def _read(said: Mapping[str, object]) -> ForceNull:
             raise TypeError(name)
         real, imaginary = (number(each) for each in pair)
         values[name] = complex(real, imaginary)
-    lobes, air_turns, cut_turns = (whole(said[name]) for name in _COUNTS)
+    lobes, air_turns, cut_turns = (whole_number(said[name]) for name in _COUNTS)
     force_sd_n, mean_n, turned_deg, turned_sd_deg = (number(said[name]) for name in _NUMBERS)
     return ForceNull(
         sign=Sign(text(said["sign"])),
-        why=Why(text(said["why"])),
+        why=ForceNullReason(text(said["why"])),
         lobes=lobes,
         force_n=values["force_n"],
         right_n=values["right_n"],

@@ -9,7 +9,7 @@ import stat
 from datetime import UTC, datetime
 from pathlib import Path
 
-from console.session.data.kept_files import file_error, jobs_folder, make_folder, there
+from console.session.data.kept_files import file_error, jobs_folder, make_folder, path_exists
 from profiles.files import TOML_CAP_BYTES, printable, read_regular_file, write_atomically
 from profiles.problem import Problem, ProfileError
 from profiles.store import LibraryEntry, load_job
@@ -28,7 +28,7 @@ def delete_job(data: Path, path: Path) -> Path:
     make_folder(folder)
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f") + "Z"
     names = itertools.chain([stamp], (f"{stamp}-{number}" for number in itertools.count(2)))
-    target = next(each for name in names if not there(each := folder / f"{path.stem}.{name}.toml"))
+    target = next(each for name in names if not path_exists(each := folder / f"{path.stem}.{name}.toml"))
     _move(path, target)
     return target
 
@@ -73,7 +73,7 @@ def offered_jobs(folder: Path) -> tuple[Path, ...]:
         with os.scandir(folder) as entries:
             for entry in entries:
                 if entry.name.endswith(".toml") and not entry.name.startswith("."):
-                    found += _dated(entry)
+                    found += _dated_entry(entry)
     except OSError as error:
         raise file_error("file.unreadable", folder, error) from error
     return tuple(path for *_, path in sorted(found, reverse=True)[:MOST_OFFERED])
@@ -101,7 +101,7 @@ def export_job(data: Path, path: Path) -> Path:
     folder = data / EXPORTED
     make_folder(folder)
     names = itertools.chain([path.stem], (f"{path.stem}-{number}" for number in itertools.count(2)))
-    target = next(each for name in names if not there(each := folder / f"{name}.toml"))
+    target = next(each for name in names if not path_exists(each := folder / f"{name}.toml"))
     write_atomically(target, content, overwrite=False, private=True)
     return target
 
@@ -125,7 +125,7 @@ def _move(path: Path, target: Path) -> None:
         raise file_error("file.not_writable", path, error) from error
 
 
-def _dated(entry: os.DirEntry[str]) -> list[tuple[int, str, Path]]:
+def _dated_entry(entry: os.DirEntry[str]) -> list[tuple[int, str, Path]]:
     try:
         status = entry.stat()
     except OSError:  # gone meanwhile, or a link to nowhere

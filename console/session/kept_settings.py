@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from console.session.data.kept_files import make_folder, there
+from console.session.data.kept_files import make_folder, path_exists
 from profiles.files import parse_toml, printable, read_regular_file, write_atomically
 from profiles.problem import Problem, ProfileError
 
@@ -23,7 +23,7 @@ def keep_settings(path: Path, values: Mapping[str, str | None]) -> None:
             are written in a way that cannot be replaced. The file is then as it was.
     """
     where = printable(str(path))
-    before = read_regular_file(path, cap_bytes=CAP_BYTES) if there(path) else b""
+    before = read_regular_file(path, cap_bytes=CAP_BYTES) if path_exists(path) else b""
     table = parse_toml(before, where)
     after = _with_values(before.decode("utf-8"), values).encode("utf-8")
     if after == before:

@@ -18,7 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import NoReturn
 
-from console.escaping import escaped
+from console.escaping import escape_text
 from profiles.files import make_private_folder, open_regular
 from profiles.folder_rights import rights_in
 
@@ -37,7 +37,7 @@ def note(data: Path, text: str, *, level: int = logging.INFO, error: BaseExcepti
         folder = data / FOLDER
         make_private_folder(folder)
         record = logging.LogRecord("trilobe", level, "", 0, "%s", (text,), _info(error))
-        with _locked(folder):
+        with _lock_log(folder):
             with closing(_Handler(folder / FILE)) as handler:
                 handler.emit(record)
 
@@ -51,26 +51,26 @@ class _Handler(RotatingFileHandler):
         super().__init__(
             path, maxBytes=MOST_BYTES, backupCount=KEPT_FILES, encoding="utf-8", errors="backslashreplace"
         )
-        self.setFormatter(_Formatter(_FORM, "%Y-%m-%dT%H:%M:%S"))
+        self.setFormatter(_LogFormatter(_FORM, "%Y-%m-%dT%H:%M:%S"))
 
     def _open(self) -> TextIOWrapper:
         """Open the log, with the rights of its folder; a link, a pipe or a device in its place is not used."""
-        return open(self.baseFilename, "a", encoding=self.encoding, errors=self.errors, opener=_opened)
+        return open(self.baseFilename, "a", encoding=self.encoding, errors=self.errors, opener=_open_log)
 
     def handleError(self, record: logging.LogRecord) -> NoReturn:  # noqa: N802 - the name is that of logging
         """Raise what logging would write to the terminal of the operator."""
         raise
 
 
-class _Formatter(logging.Formatter):
+class _LogFormatter(logging.Formatter):
     converter = staticmethod(time.gmtime)
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the line; names in it neither steer a terminal nor begin a line of their own."""
-        return escaped(super().format(record).replace("\n", "\n    "))
+        return escape_text(super().format(record).replace("\n", "\n    "))
 
 
-def _opened(path: str | Path, flags: int) -> int:
+def _open_log(path: str | Path, flags: int) -> int:
     rights = rights_in(Path(path).parent).file
     descriptor = open_regular(path, flags | os.O_NOFOLLOW, rights)
     with suppress(OSError):
@@ -79,9 +79,9 @@ def _opened(path: str | Path, flags: int) -> int:
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[None]:
+def _lock_log(folder: Path) -> Iterator[None]:
     """Hold the lock of the log, but do not wait long for a process that has been halted with it."""
-    descriptor = _opened(folder / LOCK, os.O_RDWR | os.O_CREAT)
+    descriptor = _open_log(folder / LOCK, os.O_RDWR | os.O_CREAT)
     try:
         until_s = time.monotonic() + WAIT_S
         while True:

@@ -20,7 +20,7 @@ LEAVE_WITHIN_S = 6.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Guarded:
+class _GuardedMachine:
     """A machine, whether another console controls it, and whether a claim or a release is in progress."""
 
     stop: StopPath
@@ -45,7 +45,7 @@ class Interruption:
     def __init__(self) -> None:
         self.reason: str | None = None
         self.hurried_s: float | None = None
-        self._guarded: _Guarded | None = None
+        self._guarded: _GuardedMachine | None = None
         self._holds = False
         self._freezes: FreezeWatch | None = None
 
@@ -67,7 +67,7 @@ class Interruption:
 
         With `now_s`, machine time, the wait for its rest ends when there is no time for it.
         """
-        self._guarded = _Guarded(stop=stop, anothers=anothers, changing=changing, now_s=now_s)
+        self._guarded = _GuardedMachine(stop=stop, anothers=anothers, changing=changing, now_s=now_s)
         if now_s is not None:
             stop.freezes = self._freezes
         if self.reason is not None:

@@ -48,7 +48,7 @@ def nominal_path(
     return CutPath(target=target_path(job), command=nominal_command(job, machine, strategy, response))
 
 
-def staged(
+def scale_path_to_stage(
     job: Job, machine: MachineProfile, strategy: Strategy, stage: Stage, path: CutPath | None
 ) -> CutPath | None:
     """Return the path of a stage; `path` is what was learned, None as for `plan_cut`. Refused: `not_staged`."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ipaddress
 from collections.abc import Mapping
 
-from drivers.lathe.standing import BY_SSH, MOST_OF_A_HOST
+from drivers.lathe.console_role import BY_SSH, MOST_OF_A_HOST
 
 UNKNOWN = "?"
 

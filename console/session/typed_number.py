@@ -43,7 +43,7 @@ def stored_length(text: str, key: str, limit: str, unit: str, units: Units) -> s
     Raises ProfileError: `value.ambiguous`, see `plain_number`.
     """
     plain = plain_number(text.strip(), key, limit)
-    return text if plain is None else units.ours(plain, unit)
+    return text if plain is None else units.to_own_unit(plain, unit)
 
 
 def typed_length(text: str, key: str, limit: str, unit: str, units: Units) -> float:

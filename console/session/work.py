@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from console.session.data.kept_files import make_folder
 from console.session.typed_number import plain_number
 from drivers.cutting.strategy import DEFAULT_STRATEGY, UNCOMPENSATED
-from profiles.fields import Field, Kind, fault, spelled
+from profiles.fields import Field, FieldType, fault, spell_toml
 from profiles.files import printable
 from profiles.job import JOB_FIELDS, LABELS, NO_LOBE, Job, copy_of
 from profiles.lobe.lobe_conditions import kept_condition
@@ -18,9 +18,9 @@ from profiles.problem import Problem, ProfileError
 from profiles.store import BUNDLED_JOBS, LoadedJob, LoadedMachine, load_job, save_job
 
 if TYPE_CHECKING:
-    from console.session.data.identified import ChosenResponse
-    from drivers.preview.preview import Preview, Underway
-    from profiles.compensations.learned import LearnedCompensation
+    from console.session.data.identified_responses import ChosenResponse
+    from drivers.preview.preview import PartialPreview, Preview
+    from profiles.compensations.learned_compensation import LearnedCompensation
 
 STAGES = ("full", "air", "partial")
 """In the order in which a key cycles through them; the values of `console.session.stages.Stage`."""
@@ -56,9 +56,9 @@ class Work:
     why neither can be. `undo` are the earlier values of the job, with what was missing then, newest last.
 
     `compensation` is what was learned of this cut, None the model's. Later edits do not change it:
-    `console.session.cut.compensated` judges whether it still applies. `set_aside` gives the reason why this cut
-    does not use the newest accepted version; empty where it does, or there is none. `inverts` is the identified
-    response that the cut inverts, None the model's; nothing learned is used with it.
+    `console.session.cut.compensated_cut` judges whether it still applies. `set_aside` gives the reason why this
+    cut does not use the newest accepted version; empty where it does, or there is none. `inverts` is the
+    identified response that the cut inverts, None the model's; nothing learned is used with it.
 
     `missing` are the values of a new job that nobody has given yet: what `job` has there means nothing. Such a
     work exists on the page Set-up alone.
@@ -72,7 +72,7 @@ class Work:
     set_aside: tuple[Problem, ...] = ()
     inverts: ChosenResponse | None = None
     stage: str = STAGES[0]
-    outlook: Underway | None = None
+    outlook: PartialPreview | None = None
     preview: Preview | None = None
     preview_problems: tuple[Problem, ...] = ()
     undo: tuple[tuple[Job, frozenset[str]], ...] = field(default=())
@@ -94,7 +94,7 @@ class Work:
         return not self.is_new and self.loaded.path.parent != BUNDLED_JOBS
 
 
-def opened(loaded: LoadedJob, machine: LoadedMachine) -> Work:
+def open_work(loaded: LoadedJob, machine: LoadedMachine) -> Work:
     """Return the work on a job as it was saved; without a known lobe the cut is a plain one."""
     strategy = UNCOMPENSATED if loaded.job.lobe_error_source == NO_LOBE else DEFAULT_STRATEGY
     return Work(loaded=loaded, machine=machine, job=loaded.job, strategy=strategy.value)
@@ -105,14 +105,20 @@ def blank_form(machine: LoadedMachine) -> Work:
     values = {key: _placeholder(_FIELDS[key]) for key in (*REQUIRED, "lobe_error_um_pp", "lobe_phase_deg")}
     job = Job(**values, name="", lobe_error_source=NO_LOBE, assumed=("lobe_phase_deg",))
     loaded = LoadedJob(job=job, path=NO_FOLDER / "new", sha256="")
-    return replace(opened(loaded, machine), missing=frozenset(REQUIRED))
+    return replace(open_work(loaded, machine), missing=frozenset(REQUIRED))
 
 
 def _placeholder(field_: Field) -> Any:
-    return "?" if field_.kind is Kind.TEXT else int(field_.at_least or 0) if field_.kind is Kind.WHOLE else 0.0
+    return (
+        "?"
+        if field_.kind is FieldType.TEXT
+        else int(field_.at_least or 0)
+        if field_.kind is FieldType.WHOLE
+        else 0.0
+    )
 
 
-def parsed(text: str, key: str) -> Any:
+def parse_field(text: str, key: str) -> Any:
     """Parse the value of a field as typed: a number with a point or a comma, or a word; "-" for no optional value.
 
     Raises:
@@ -122,21 +128,23 @@ def parsed(text: str, key: str) -> Any:
     field_ = _FIELDS[key]
     if field_.optional and text.strip() == NO_VALUE:
         return None
-    value = text.strip() if field_.kind in (Kind.TEXT, Kind.CHOICE) else entered_number(text.strip(), field_)
+    value = (
+        text.strip() if field_.kind in (FieldType.TEXT, FieldType.CHOICE) else entered_number(text.strip(), field_)
+    )
     code = fault(field_, value)
     if code:
-        raise ProfileError(Problem(code=code, key=key, value=spelled(value), limit=field_.limit))
+        raise ProfileError(Problem(code=code, key=key, value=spell_toml(value), limit=field_.limit))
     return value
 
 
-def edited(work: Work, key: str, text: str) -> Work:
+def edit_field(work: Work, key: str, text: str) -> Work:
     """Return the work with one field changed; results computed from the old job are discarded.
 
     A value entered by the operator is no longer an assumed one, except for those of the lobe, which nobody
     measured: the error is an assumed one from then on. An error that was found on a part stays with its cut, see
     `kept_condition`; one by the model is predicted anew, or unknown where the model cannot be applied.
     """
-    value = parsed(text, key)
+    value = parse_field(text, key)
     if getattr(work.job, key) == value and key not in work.missing:
         return work
     assumed = tuple(name for name in work.job.assumed if name != key)
@@ -229,11 +237,11 @@ def saved_as(work: Work, name: str, folder: Path) -> Work:
     make_folder(folder)
     job = replace(work.job, name=name) if work.is_new else copy_of(work.job, name, work.loaded.job.name)
     save_job(job, path, private=True)
-    fresh = opened(load_job(str(path)), work.machine)
+    fresh = open_work(load_job(str(path)), work.machine)
     return replace(fresh, strategy=work.strategy, stage=work.stage, inverts=work.inverts)
 
 
-def saved(work: Work) -> Work:
+def save_work(work: Work) -> Work:
     """Save the edited job over its own file, and return the work on that.
 
     What was learned of the job as it was no longer applies to it.
@@ -245,7 +253,7 @@ def saved(work: Work) -> Work:
     if differs(load_job(str(path)), work.loaded):
         raise ProfileError(Problem(code="job.changed_elsewhere", where=printable(str(path)), key=path.stem))
     save_job(work.job, path, overwrite=True)
-    fresh = opened(load_job(str(path)), work.machine)
+    fresh = open_work(load_job(str(path)), work.machine)
     return replace(fresh, strategy=work.strategy, stage=work.stage, inverts=work.inverts)
 
 
@@ -254,7 +262,7 @@ def differs(now: LoadedJob, before: LoadedJob) -> bool:
     return now.sha256 != before.sha256 or _labels(now.job) != _labels(before.job)
 
 
-def relabelled(work: Work, loaded: LoadedJob) -> Work:
+def relabel_work(work: Work, loaded: LoadedJob) -> Work:
     """Return the work after note and tags in its file were changed to those of `loaded`; the edits stay."""
     note, tags = _labels(loaded.job)
     undo = tuple((replace(job, note=note, tags=tags), missing) for job, missing in work.undo)
@@ -271,7 +279,7 @@ def entered_number(text: str, field_: Field) -> float | int | str:
     if plain is None:
         return text
     try:
-        return int(plain) if field_.kind is Kind.WHOLE else float(plain)
+        return int(plain) if field_.kind is FieldType.WHOLE else float(plain)
     except ValueError:
         return text
 

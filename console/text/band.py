@@ -13,7 +13,7 @@ def band_reasons(band: Band, response: ServoResponse, text: Catalogue) -> list[t
     friction, words = "band.friction.identified", text("band.friction.identified")
     if force_n is not None:
         friction, words = "band.friction.assumed", text("band.friction.assumed", assumed=f"{force_n:g}")
-    typical = {"low": text.units.short(1.0, "um"), "high": text.units.short(2.0, "um")}
+    typical = {"low": text.units.format_short(1.0, "um"), "high": text.units.format_short(2.0, "um")}
     return [
         (servo, band.servo_um, text(servo)),
         ("band.clamping", band.clamping_um, text("band.clamping")),
@@ -22,6 +22,6 @@ def band_reasons(band: Band, response: ServoResponse, text: Catalogue) -> list[t
         (
             "band.spindle",
             band.spindle_um,
-            text("band.spindle", **typical, assumed=text.units.short(band.spindle_um, "um")),
+            text("band.spindle", **typical, assumed=text.units.format_short(band.spindle_um, "um")),
         ),
     ]

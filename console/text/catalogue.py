@@ -23,8 +23,8 @@ class Catalogue(Sentences):
         self.language = language
         self._measure_in(METRIC)
 
-    def _said(self, sentence: str) -> str:
-        return self.units.beside(sentence)
+    def _format_sentence(self, sentence: str) -> str:
+        return self.units.add_inches(sentence)
 
     def _measure_in(self, units: Units) -> None:
         self.units, self._always = units, units.names

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from itertools import groupby
 
 from console.text.catalogue import Catalogue
-from console.text.columns import broken
+from console.text.columns import wrap_text
 from drivers.commissioning.check import Check
 from profiles.findings import Severity
 
@@ -39,7 +39,7 @@ def check_lines(checks: Iterable[Check], text: Catalogue) -> list[str]:
     for group, members in groupby(checks, key=lambda check: check.group):
         lines += ["", text(f"configuration.group.{group}")]
         for check in members:
-            first, *others = broken(_sentence(check, text), WIDTH - 4)
+            first, *others = wrap_text(_sentence(check, text), WIDTH - 4)
             lines += [f"  {MARKS[check.severity]} {first}", *(f"    {line}" for line in others)]
     return lines
 
@@ -60,7 +60,7 @@ def _sentence(check: Check, text: Catalogue) -> str:
     kind, _, number = check.subject.partition(" ")
     subject = text(f"configuration.subject.{kind}", number=number) if kind else ""  # `motor 5` keeps its number
     facts = {
-        "what": _what(check, subject, text),
+        "what": _describe_setting(check, subject, text),
         "subject": subject,
         "variable": check.variable,
         "found": text.words(check.found) if check.code.endswith(("_faults", "_lost")) else check.found,
@@ -73,7 +73,7 @@ def _sentence(check: Check, text: Catalogue) -> str:
     return text(f"check.{check.code}{'.holds' if check.severity is Severity.OK else ''}", **facts)
 
 
-def _what(check: Check, subject: str, text: Catalogue) -> str:
+def _describe_setting(check: Check, subject: str, text: Catalogue) -> str:
     if not check.setting:
         return check.variable
     setting = text(f"setting.{check.setting}")

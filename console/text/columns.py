@@ -35,7 +35,7 @@ def table(rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> list[st
     ]
 
 
-def broken(text: str, width: int) -> list[str]:
+def wrap_text(text: str, width: int) -> list[str]:
     """Wrap a text at spaces into lines of at most `width` cells; a longer word stays whole."""
     lines = [""]
     for word in text.split():

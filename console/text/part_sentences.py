@@ -15,16 +15,16 @@ from console.session.cut.cut_verdict import CutJudgement, CutVerdict
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.compensations.causes import Cause, CauseKind
-from profiles.compensations.certificate import PROMISED, Certified, Standing
+from profiles.compensations.certificate import PROMISED, CertifiedOrder, OrderStatus
 from profiles.compensations.force_null import SURE as SURE_OF_FORCE
 from profiles.compensations.force_null import ForceNull, Sign
 from profiles.compensations.learning import SURE
 from profiles.compensations.path import PathHarmonic
 
 if TYPE_CHECKING:
-    from console.session.learning.fingerprint import Fingerprint
+    from console.session.learning.fingerprint import FingerprintedCut
     from profiles.fingerprint.deflection import Deflection
-    from profiles.fingerprint.this_clamping import Clamped
+    from profiles.fingerprint.this_clamping import ClampingCorrection
 
 COLUMNS = ("order", "left", "tool_off", "gain", "factor", "bound", "standing")
 TOOL_OFF = COLUMNS.index("tool_off")
@@ -87,12 +87,12 @@ def _word(cause: Cause) -> str:
     return cause.kind.value
 
 
-def certificate_fields(certificate: Sequence[Certified]) -> list[dict[str, object]]:
+def certificate_fields(certificate: Sequence[CertifiedOrder]) -> list[dict[str, object]]:
     """Return the certificate as plain values."""
     return [asdict(each) for each in certificate]
 
 
-def certificate_lines(certificate: Sequence[Certified], text: Catalogue) -> list[str]:
+def certificate_lines(certificate: Sequence[CertifiedOrder], text: Catalogue) -> list[str]:
     """Return the certificate as a table with its title; nothing for none."""
     if not certificate:
         return []
@@ -103,9 +103,9 @@ def certificate_lines(certificate: Sequence[Certified], text: Catalogue) -> list
     return [text("certificate.title"), *table(rows, numeric=range(len(rows[0]) - 1))]
 
 
-def certificate_row(each: Certified, text: Catalogue) -> tuple[str, ...]:
+def certificate_row(each: CertifiedOrder, text: Catalogue) -> tuple[str, ...]:
     """Return the row of an order: gain and factor only if learned, heights only if a trace has shown them."""
-    learned = each.standing is Standing.LEARNED
+    learned = each.standing is OrderStatus.LEARNED
     factors = (f"{value:.2f}" if learned else "" for value in (each.gain, each.factor))
     heights = (
         "" if um is None else text.units.figure(2.0 * um, "um", 2) for um in (each.on_part_um, each.tool_off_um)
@@ -114,19 +114,19 @@ def certificate_row(each: Certified, text: Catalogue) -> tuple[str, ...]:
         str(each.order),
         *heights,
         *factors,
-        f"{each.bound:.2f}" if learned or each.standing is Standing.NO_PROMISE else "",
+        f"{each.bound:.2f}" if learned or each.standing is OrderStatus.NO_PROMISE else "",
         _standing(each, text),
     )
 
 
-def _standing(each: Certified, text: Catalogue) -> str:
+def _standing(each: CertifiedOrder, text: Catalogue) -> str:
     """Return whether an order is learned, or why not: a promise may also be missing as the tool hardly follows."""
-    if each.standing is Standing.NO_PROMISE and each.bound_gain_1 <= PROMISED:
+    if each.standing is OrderStatus.NO_PROMISE and each.bound_gain_1 <= PROMISED:
         return text("certificate.standing.not_followed")
     return text(f"certificate.standing.{each.standing}", limit=f"{PROMISED:g}")
 
 
-def fingerprint_line(found: Fingerprint, text: Catalogue) -> str:
+def fingerprint_line(found: FingerprintedCut, text: Catalogue) -> str:
     """Return a fingerprint in one line: the force, the lobe of this part, and how sure that is."""
     clamped, deflection = found.clamped, found.felt.deflection
     lobes = next(iter(found.path.target.harmonics)).lobes
@@ -141,17 +141,17 @@ def fingerprint_line(found: Fingerprint, text: Catalogue) -> str:
     )
 
 
-def limit_um_pp(clamped: Clamped) -> float:
+def limit_um_pp(clamped: ClampingCorrection) -> float:
     """Return the 95 % half-width of the lobe of this part, um p-p: twice that of its height."""
     return 2.0 * SURE * clamped.sd_um
 
 
-def turn_deg(clamped: Clamped, lobes: int) -> float:
+def turn_deg(clamped: ClampingCorrection, lobes: int) -> float:
     """Return by how many degrees of spindle a fingerprint turns the lobe."""
     return -math.degrees(cmath.phase(clamped.ratio)) / lobes
 
 
-def clamped_fields(clamped: Clamped, lobes: int) -> dict[str, object]:
+def clamped_fields(clamped: ClampingCorrection, lobes: int) -> dict[str, object]:
     """Return the same as fields, unrounded."""
     return {
         "height": abs(clamped.ratio),
@@ -163,7 +163,7 @@ def clamped_fields(clamped: Clamped, lobes: int) -> dict[str, object]:
     }
 
 
-def fingerprint_fields(found: Fingerprint, lobes: int) -> dict[str, object]:
+def fingerprint_fields(found: FingerprintedCut, lobes: int) -> dict[str, object]:
     """Return a fingerprint as fields, with the deflection that it was found in."""
     shown = found.felt.deflection
     return {
@@ -190,4 +190,6 @@ def deflection_lines(shown: Deflection, text: Catalogue) -> list[str]:
 
 
 def _waves(shown: Deflection) -> list[tuple[PathHarmonic, float]]:
-    return [(PathHarmonic.of(n, c), shown.limit_um(n)) for n, c in sorted(shown.coefficients_um.items())]
+    return [
+        (PathHarmonic.from_coefficient(n, c), shown.limit_um(n)) for n, c in sorted(shown.coefficients_um.items())
+    ]

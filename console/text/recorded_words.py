@@ -17,7 +17,7 @@ from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from console.session.data.run_facts import RunFact
-    from console.session.data.run_rows import Ending
+    from console.session.data.run_rows import RunEnding
     from console.session.data.run_story import AlarmStory, RunEvent, RunStory
 
 COMMANDS = {each.__name__: each.logged for each in Command.__subclasses__()}
@@ -55,7 +55,7 @@ def alarm_words(code: str, text: Catalogue) -> str:
     return problem_words(Problem(code=code), text).partition(";")[0]
 
 
-def reason_words(ending: Ending, text: Catalogue, alarms: Iterable[Problem] = ()) -> str:
+def reason_words(ending: RunEnding, text: Catalogue, alarms: Iterable[Problem] = ()) -> str:
     """Return why a run ended: the problems of an early end, the name of a stop, or a sentence as it is."""
     if ending.problems:
         known = tuple(alarms)
@@ -108,7 +108,7 @@ _ENDED = {
 }
 
 
-def ending_words(ended: Ending, text: Catalogue, layout: Layout, alarms: Iterable[AlarmStory] = ()) -> str:
+def ending_words(ended: RunEnding, text: Catalogue, layout: Layout, alarms: Iterable[AlarmStory] = ()) -> str:
     """Return how a run ended: after which turn, why, and by whom; `alarms` are those of the run."""
     how, by = text(f"{_ENDED[layout]}.{ended.how}"), ended.by
     turn = "" if ended.turn is None else f"{ended.turn:.1f}"
@@ -139,7 +139,7 @@ def fact_rows(facts: Iterable[RunFact], text: Catalogue, layout: Layout) -> list
 
 def fact_name(fact: RunFact, text: Catalogue, layout: Layout) -> str:
     """Return the name of a fact in a layout."""
-    return text.either(f"fact.{fact.key}.{layout}", f"fact.{fact.key}")
+    return text.first_sentence(f"fact.{fact.key}.{layout}", f"fact.{fact.key}")
 
 
 def fact_words(fact: RunFact, text: Catalogue, layout: Layout) -> str:

@@ -43,7 +43,7 @@ def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
     value, limit = text.units.figure(part.ront_um, "um", 2), part.tolerance_um
     rows = []
     if limit is not None and part.passed is not None:
-        allowed = text.units.short(limit, "um")
+        allowed = text.units.format_short(limit, "um")
         key = "debrief.run.not_round" if debrief.fails_round else "debrief.run.round"
         over = text.units.figure(part.ront_um - limit, "um", 2)
         likely = text("cause.title") if debrief.causes else ""
@@ -52,7 +52,7 @@ def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
     if debrief.off_um is not None and part.diameter_tolerance_um is not None:
         off, most = (
             text.units.show(debrief.off_um, "um", 1, "+"),
-            text.units.short(part.diameter_tolerance_um, "um"),
+            text.units.format_short(part.diameter_tolerance_um, "um"),
         )
         rows.append(text("debrief.run.diameter", value=off, limit=most))
     return rows
@@ -83,7 +83,7 @@ def _event_words(event: RunEvent, text: Catalogue) -> str:
             stopped = event.kind == "stopped" or data.get("stopped")
             words = text("debrief.what.stop", words=told) if stopped else told
         case "collision":
-            return text("debrief.what.met", words=_met(str(data.get("met", "")), text))
+            return text("debrief.what.met", words=_describe_collision(str(data.get("met", "")), text))
         case "fault":
             name = str(data.get("line", "")).split()[1:2]
             return text("debrief.what.fault", words=text(f"fault.{name[0]}") if name else "")
@@ -108,7 +108,7 @@ def _of_part(data: Mapping[str, Any], text: Catalogue, words: str) -> str:
     return f"{part_words(name, text)}: {words}"
 
 
-def _met(kind: str, text: Catalogue) -> str:
+def _describe_collision(kind: str, text: Catalogue) -> str:
     try:
         return _case(text.problem(collision_problems([kind])[0]))
     except (KeyError, ValueError, IndexError):  # of another version of the console

@@ -22,7 +22,7 @@ from console.session.station.history.session_log import LogEntry, SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.application.bell import Bell
-from console.tui.application.calm import Calm
+from console.tui.application.draw_rate import LastDrawing
 from console.tui.application.far_terminal import FarTerminal
 from console.tui.application.key_releases import ReportedKey
 from console.tui.application.listening import ListeningApp
@@ -35,8 +35,8 @@ from console.tui.frame_rows import FrameRows, MadeRows
 from console.tui.gate import (
     FieldKind,
     HeldKeys,
-    Situation,
-    Verdict,
+    KeyDecision,
+    KeySituation,
     is_page,
     is_stray,
     judge,
@@ -44,7 +44,7 @@ from console.tui.gate import (
     stop_reason,
 )
 from console.tui.keymap import MODULES, MOTION_PAGES, NUMBERED, READING, TAKE, Action, PageName
-from console.tui.layout import CSS, SMALLEST, cramped, is_small
+from console.tui.layout import CSS, SMALLEST, find_size_problems, is_small
 from console.tui.lines import Line, Sheet
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.page import Page
@@ -71,7 +71,7 @@ def page_class(name: PageName) -> type[Page]:
     return found
 
 
-class Collector:
+class GarbageCollector:
     """Collect only young objects while something moves: a full collection would delay a key by 0.1 s.
 
     What is there when the motion begins is set aside; what outlives the young ones is collected when it has ended.
@@ -140,14 +140,14 @@ class ConsoleApp(ListeningApp):
         self.ui.appearance, self.ui.appear, self.ui.configuration = appearance, self.appear, configuration
         self.ui.terminal = FarTerminal(client)
         self._begin, self.heard = begin, heard
-        self._collector, self._calm, self._bell = Collector(), Calm(), Bell()
+        self._collector, self._calm, self._bell = GarbageCollector(), LastDrawing(), Bell()
         self._local_time, self._ticking = local_time, ticking
         self._pages: dict[PageName, Page] = {}
         self._page = PageName.JOBS
         self._dismissed: tuple[Problem, ...] = ()
         self._acted_s = float("-inf")
         self._orders = StandingOrders(self.ui)
-        self._held, self.scans = HeldKeys(), Scans(self.ui, lambda: self._made(PageName.JOBS))
+        self._held, self.scans = HeldKeys(), Scans(self.ui, lambda: self._make_page(PageName.JOBS))
         self._previewer, self._path = Previewer(), ChosenPath()
         self._rows, self._made_rows = FrameRows(palette), MadeRows()
         self._list = ListPanel(palette, text)
@@ -156,11 +156,11 @@ class ConsoleApp(ListeningApp):
 
     def compose(self) -> ComposeResult:
         """Return the rows with the first page between them."""
-        yield from self._rows.named(FrameRows.ABOVE)
+        yield from self._rows.find_sheets(FrameRows.ABOVE)
         with Container(id="body"):
-            yield self._made(PageName.JOBS)
+            yield self._make_page(PageName.JOBS)
             yield self._list
-        yield from self._rows.named(FrameRows.BELOW)
+        yield from self._rows.find_sheets(FrameRows.BELOW)
         yield self._small
 
     def on_mount(self) -> None:
@@ -180,7 +180,7 @@ class ConsoleApp(ListeningApp):
         for each in self.onlookers:
             self.safely(each)
         state, now_s = self.ui.control.state, self.ui.control.now_s()
-        shown = (self._page, self._list.shown, self.ui.said, self.size)
+        shown = (self._page, self._list.shown, self.ui.key_answer, self.size)
         if self.ui.appearance.calm == "off" or self._calm.is_due(state, now_s, shown):
             self.tick()
         else:
@@ -207,8 +207,8 @@ class ConsoleApp(ListeningApp):
         # The link thread loads the numerics before it reads the settings; any page but the first needs them.
         loaded = state.alignment.settings is not None or self._page is not PageName.JOBS
         if ui.work is not None and loaded:
-            path = self._path.of(ui.work, state.alignment, simulated=state.simulated)
-            ui.work = self._previewer.refreshed(ui.work, state.alignment, path=path)
+            path = self._path.path_for(ui.work, state.alignment, simulated=state.simulated)
+            ui.work = self._previewer.refresh_work(ui.work, state.alignment, path=path)
         self.screen.set_class(self._is_small, "small")
         view = View(state=state, work=ui.work, now_s=ui.control.now_s())
         page = self._pages[self._page]
@@ -227,7 +227,7 @@ class ConsoleApp(ListeningApp):
             before.leave()
             before.add_class("-away")
             self._page = name
-            page = self._made(name)
+            page = self._make_page(name)
             page.remove_class("-away")
             if not page.is_attached:
                 self.query_one("#body").mount(page)
@@ -243,10 +243,10 @@ class ConsoleApp(ListeningApp):
         self.dress(appearance)
         self.call_after_refresh(self.tick)
 
-    def situation(self) -> Situation:
+    def situation(self) -> KeySituation:
         """Return what a key is judged by now. Also called from the thread that reads the terminal."""
         state = self.ui.control.state
-        return Situation(
+        return KeySituation(
             page=self._page,
             field=self._field,
             moving=state.may_move or self.ui.queued,
@@ -281,7 +281,7 @@ class ConsoleApp(ListeningApp):
         if self._orders.may_quit():
             self.exit()
 
-    def pointed(self, event: events.MouseEvent) -> None:
+    def perform_click(self, event: events.MouseEvent) -> None:
         """Do what a click or the wheel asks for."""
         page, now = self._pages[self._page], self.situation()
         self.safely(lambda: point(event, self.screen, page, now, self._press))
@@ -295,7 +295,7 @@ class ConsoleApp(ListeningApp):
     def _is_small(self) -> bool:
         return is_small(self.size)
 
-    def _made(self, name: PageName) -> Page:
+    def _make_page(self, name: PageName) -> Page:
         if name not in self._pages:
             self._pages[name] = page_class(name)(self.ui)
         return self._pages[name]
@@ -311,7 +311,7 @@ class ConsoleApp(ListeningApp):
             page=self._page,
             field=self._field,
             next_step=page.next_step(view),
-            said=self.ui.said,
+            said=self.ui.key_answer,
             clock=self._local_time(),
             now_s=view.now_s,
             job="" if view.work is None else printable(view.work.job.name),
@@ -331,28 +331,28 @@ class ConsoleApp(ListeningApp):
 
     def log_of(self, state: StationState) -> SessionLog:
         """Return the log of the session up to this state."""
-        return self.logs.followed(state, self.ui.said, typed=self._typed)
+        return self.logs.follow_state(state, self.ui.key_answer, typed=self._typed)
 
     def rows_of(self, frame: Frame) -> dict[str, list[Line]]:
         """Return the rows around the page."""
-        return self._made_rows.of(frame, self.size.width, self.size.height)
+        return self._made_rows.frame_lines(frame, self.size.width, self.size.height)
 
     def small_rows(self, state: StationState) -> list[Line]:
         """Return what a terminal shows that is too small for a page."""
         return small_rows(self.ui.text, state, SMALLEST, max(self.size.width, 1))
 
-    def took(self, event: events.Key) -> bool:
+    def perform_key(self, event: events.Key) -> bool:
         """Perform the action of a key; False when the key belongs to the focused field."""
         page = self._pages[self._page]
         now = self.situation()
         self._typed = now.field is FieldKind.TEXT
         self.ui.stroke = event.stroke if isinstance(event, ReportedKey) else None
         verdict, action = judge(event.key, event.character, now)
-        page.heard(None if action is None else action.id)
+        page.note_action(None if action is None else action.id)
         if event.key in TAKE.keys and self._palette.still_taking():
-            verdict, action = Verdict.NOTHING, None
-        if verdict is Verdict.FIELD and not now.seeking:
-            self._held.typed()
+            verdict, action = KeyDecision.NOTHING, None
+        if verdict is KeyDecision.FIELD and not now.seeking:
+            self._held.note_typed_character()
             return False
         self._answer(event, verdict, action)
         self.call_after_refresh(self.tick)
@@ -360,26 +360,26 @@ class ConsoleApp(ListeningApp):
             self.ui.say("screen.not_of_a_number", value=event.character or "")
         return not stray
 
-    def _answer(self, event: events.Key, verdict: Verdict, action: Action | None) -> None:
+    def _answer(self, event: events.Key, verdict: KeyDecision, action: Action | None) -> None:
         match verdict:
-            case Verdict.FIELD:
+            case KeyDecision.FIELD:
                 self._palette.write(event.key, event.character)
-            case Verdict.ACTION if action is TAKE:
+            case KeyDecision.ACTION if action is TAKE:
                 page = self._pages[self._page]
                 self._palette.take(self._page, lambda taken: self._do(taken, page))
-            case Verdict.STOP if isinstance(event, Written) and event.stopped:
+            case KeyDecision.STOP if isinstance(event, Written) and event.stopped:
                 pass  # stopped by the thread that read it; here it is part of the number it interrupts
-            case Verdict.STOP if action is None or not is_page(action):
+            case KeyDecision.STOP if action is None or not is_page(action):
                 self.stop_now(stop_reason(event.key, event.character, action))
                 if action is not None:
                     self.say_changed(action)
-            case Verdict.KILL:
+            case KeyDecision.KILL:
                 self.kill_now(event.key)
-            case Verdict.ACTION if isinstance(event, Written):
+            case KeyDecision.ACTION if isinstance(event, Written):
                 self.ui.say("screen.entry_over")
-            case Verdict.ACTION if action is not None and (action.id == "messages" or action in READING):
+            case KeyDecision.ACTION if action is not None and (action.id == "messages" or action in READING):
                 self._list.read(action, event.key)  # what was said stays said: it is to be read
-            case Verdict.ACTION | Verdict.STOP if action is not None:
+            case KeyDecision.ACTION | KeyDecision.STOP if action is not None:
                 self._press(action)
 
     def _press(self, action: Action) -> None:
@@ -387,14 +387,14 @@ class ConsoleApp(ListeningApp):
         if action in READING:
             self._list.read(action)
             return
-        self.ui.said = ()
+        self.ui.key_answer = ()
         self._dismissed = self.ui.control.state.refusals
         self._do(action, self._pages[self._page])
 
     def _do(self, action: Action, page: Page) -> None:
         now_s = self.ui.control.now_s()
         repeats = self._held.repeats(action, now_s)
-        if self.ui.answers(cramped(action, self.size)):
+        if self.ui.answers(find_size_problems(action, self.size)):
             return
         if repeats:
             self.ui.say("screen.key_repeats")
@@ -427,7 +427,9 @@ class ConsoleApp(ListeningApp):
         """Return why an action cannot be done now: what its key would answer."""
         if action.page is None:
             return self._orders.why_not(action.id)
-        return cramped(action, self.size) or self._made(action.page).why_not(action.id, self.ui.view)
+        return find_size_problems(action, self.size) or self._make_page(action.page).why_not(
+            action.id, self.ui.view
+        )
 
     def safely(self, work: Callable[[], None]) -> None:
         """Run an operation of one page. Its faults stay its own: the rows, the stop and the machine continue."""
@@ -435,4 +437,4 @@ class ConsoleApp(ListeningApp):
             with self.ui.answering():
                 work()
         except Exception as fault:
-            self.ui.said = (fault_problem(fault),)
+            self.ui.key_answer = (fault_problem(fault),)

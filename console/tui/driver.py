@@ -26,9 +26,9 @@ from console.session.dated_input import InputAge
 from console.tui import gate
 from console.tui.application.key_releases import KeyReleases, ReportedKey, Stroke
 from console.tui.application.kitty_parser import RELEASE, REPEAT, FunctionKeys, KittyParser
-from console.tui.application.scan_collector import Collector, Scan
+from console.tui.application.scan_collector import Scan, ScanCollector
 from console.tui.keymap import KILL_KEYS, MOTION_PAGES, STOP_KEYS, Action, PageName
-from console.tui.pace import QUIET_S, Pace
+from console.tui.pace import QUIET_S, KeyPace
 from drivers.clock import boot_s
 
 WAIT_S = 0.1  # time that the reading thread waits for a key before it checks whether to end
@@ -101,7 +101,7 @@ Written.handler_name = events.Key.handler_name  # so that key handlers receive i
 class StopTarget(Protocol):
     """Interface of the driver to the application; nothing of it blocks, whatever the application does."""
 
-    def situation(self) -> gate.Situation:
+    def situation(self) -> gate.KeySituation:
         """Return what a key is judged by now."""
 
     def stop_now(self, reason: str) -> None:
@@ -116,8 +116,8 @@ class StopDriver(LinuxDriver):
 
     def __init__(self, app: App[Any], **options: Any) -> None:
         super().__init__(app, **options)
-        self._pace: Pace[events.Key] = Pace()
-        self._codes = Collector()
+        self._pace: KeyPace[events.Key] = KeyPace()
+        self._codes = ScanCollector()
         self._stopped_s = float("-inf")
         self._reports_mouse = self._drops = self._keyed = False
         self.releases, self.age = KeyReleases(), InputAge()
@@ -135,7 +135,7 @@ class StopDriver(LinuxDriver):
             if isinstance(message, events.Key) and not gate.is_inert(message.key):
                 self._hear(message, time.monotonic())
             elif isinstance(message, events.CursorPosition):
-                self.age.answered(message.y + 1, message.x + 1, boot_s())
+                self.age.take_cursor_report(message.y + 1, message.x + 1, boot_s())
                 if message.y + 1 == MEASURED_ROW and message.x > len(AMBIGUOUS):
                     super().process_message(WideSigns())
             elif not isinstance(message, events.MouseEvent) or self._late_s(self._situation()) is None:
@@ -172,11 +172,11 @@ class StopDriver(LinuxDriver):
             for message in reader.idle(time.monotonic()):
                 self.process_message(message)
             if len(data) < CHUNK:
-                self.age.emptied(began_s)
+                self.age.note_emptied_input(began_s)
             # After all pending input: a delayed thread must not take a key of a burst for a single one.
-            for key in self._pace.due(time.monotonic()):
+            for key in self._pace.take_due_keys(time.monotonic()):
                 super().process_message(key)
-            self._tell(self._codes.due(time.monotonic()))
+            self._tell(self._codes.take_due_scan(time.monotonic()))
 
     def _ask(self) -> None:
         """Ask the terminal how late its keys are, where keys move something, and after a key that may lead there.
@@ -189,17 +189,17 @@ class StopDriver(LinuxDriver):
         if asks := self.age.question(boot_s()):
             with suppress(Full):
                 self._writer_thread._queue.put_nowait(asks[1])  # noqa: SLF001 - `write` would wait, and hold up a stop
-                self.age.asked(asks[0], boot_s())
+                self.age.note_question(asks[0], boot_s())
 
-    def _late_s(self, now: gate.Situation) -> float | None:
+    def _late_s(self, now: gate.KeySituation) -> float | None:
         return self.age.late_s(moves=now.page in MOTION_PAGES)
 
-    def _situation(self) -> gate.Situation:
+    def _situation(self) -> gate.KeySituation:
         """Return what a key is judged by; in doubt, motion: this thread continues, and every key stops."""
         try:
             return cast(StopTarget, self._app).situation()
         except Exception:
-            return gate.Situation(page=PageName.JOBS, moving=True)
+            return gate.KeySituation(page=PageName.JOBS, moving=True)
 
     def report_mouse(self, on: bool) -> None:
         """Ask the terminal for clicks and the wheel (1000), in decimals (1006); or for nothing any more.
@@ -230,17 +230,17 @@ class StopDriver(LinuxDriver):
             now = cast(StopTarget, self._app).situation()
             verdict, action = gate.judge(key.key, key.character, now)
         except Exception:  # in doubt assume motion: this thread continues, and every key stops, whatever it means
-            now, kills = gate.Situation(page=PageName.JOBS, moving=True), key.key in KILL_KEYS
-            verdict, action = (gate.Verdict.KILL if kills else gate.Verdict.STOP), None
-        if verdict in (gate.Verdict.STOP, gate.Verdict.KILL):  # before anything else that may fail
+            now, kills = gate.KeySituation(page=PageName.JOBS, moving=True), key.key in KILL_KEYS
+            verdict, action = (gate.KeyDecision.KILL if kills else gate.KeyDecision.STOP), None
+        if verdict in (gate.KeyDecision.STOP, gate.KeyDecision.KILL):  # before anything else that may fail
             target = cast(StopTarget, self._app)
-            send = target.kill_now if verdict is gate.Verdict.KILL else target.stop_now
+            send = target.kill_now if verdict is gate.KeyDecision.KILL else target.stop_now
             send(gate.stop_reason(key.key, key.character, action))
         written, late_s = now.field is not gate.FieldKind.NONE, self._late_s(now)
         # Of what waited, a field takes what comes before the first dropped key: the rest may be of another.
-        writes = verdict is gate.Verdict.FIELD or gate.is_stray(key.key, key.character, now)
+        writes = verdict is gate.KeyDecision.FIELD or gate.is_stray(key.key, key.character, now)
         self._drops = late_s is not None and (self._drops or not writes)
-        if verdict in (gate.Verdict.STOP, gate.Verdict.KILL):
+        if verdict in (gate.KeyDecision.STOP, gate.KeyDecision.KILL):
             burst = self._pass_stop_on(key, now_s, now, action)
         elif self._drops and late_s is not None:
             super().process_message(Late(late_s))
@@ -260,7 +260,7 @@ class StopDriver(LinuxDriver):
         )
         self._tell(code)
 
-    def _pass_stop_on(self, key: events.Key, now_s: float, now: gate.Situation, action: Action | None) -> bool:
+    def _pass_stop_on(self, key: events.Key, now_s: float, now: gate.KeySituation, action: Action | None) -> bool:
         """Tell the application of a stop that was sent; return whether its key belongs to a burst."""
         self._stopped_s = now_s
         burst = self._pace.hear(key.key, now_s)
@@ -306,30 +306,30 @@ class Reader:
         elif self._last == PASTE_ENDS:
             self.pasting = False
         if self._parser.event is not None or self._parser.flags is not None or self._releases.confirmed:
-            said = self._reported(said, now_s)
+            said = self._add_reports(said, now_s)
         # An escape sequence abandoned for the next arrives with a caret in place of its Escape.
         given_up = bool(said) and isinstance(said[0], events.Key) and said[0].character == "^"
-        return _whole(said) if given_up else said
+        return _rejoin_keys(said) if given_up else said
 
     def idle(self, now_s: float) -> list[Message]:
         """Return the events due without more input: an Escape alone, or an unknown sequence."""
         if self.pasting and now_s - self._heard_s > PASTE_SILENCE_S:
             return self._begun_anew()
         self._parser.now_s = now_s
-        return _whole(list(self._parser.tick()))
+        return _rejoin_keys(list(self._parser.tick()))
 
-    def _reported(self, said: list[Message], now_s: float) -> list[Message]:
+    def _add_reports(self, said: list[Message], now_s: float) -> list[Message]:
         """Add to keys what the terminal says of them; a release and an answer to a question are none."""
         event, flags = self._parser.event, self._parser.flags
         self._parser.event = self._parser.flags = None
         if flags is not None:
-            self._releases.answered(flags, now_s)  # or an answer that another program has asked for
+            self._releases.take_answer(flags, now_s)  # or an answer that another program has asked for
             return []
         inert = all(isinstance(each, events.Key) and gate.is_inert(each.key) for each in said)
         if event is not None and not self._releases.understood and not inert:
             return [events.Key(gate.UNREADABLE, None)]
         if event == RELEASE:
-            self._releases.heard()
+            self._releases.count_release()
             return []
         # A press has no event type.
         stroke = Stroke(repeated=event == REPEAT, releases=self._releases.count)
@@ -343,7 +343,7 @@ class Reader:
         return [events.Key(gate.UNREADABLE, None)]
 
 
-def _whole(said: list[Message]) -> list[Message]:
+def _rejoin_keys(said: list[Message]) -> list[Message]:
     """Undo the split of a sequence into keys that nobody pressed; keep only a stop among them."""
     if len(said) < 2:
         return said

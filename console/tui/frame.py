@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from rich.cells import cell_len
 
 from console.session.appearance import OwnKeys
-from console.session.station.alarms import Alarm, Priority, foremost, unseen
+from console.session.station.alarms import Alarm, Priority, foremost, unacknowledged_alarms
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.application.lost_lines import is_watched, lost_step, stopping_key, unanswered_step
@@ -23,21 +23,21 @@ from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, RowKey, row_
 from console.tui.lines import (
     BLANK,
     Line,
-    clipped,
+    clip_lines,
     dim,
     hanging,
+    justify_line,
     line,
     name_among,
     name_in,
-    plain,
-    ranged,
+    plain_text,
     width_of,
-    wrapped,
+    wrap_line,
 )
-from console.tui.pages.fields import named
+from console.tui.pages.fields import name_field
 from console.tui.theme import Token
+from drivers.lathe.console_role import BY_SSH
 from drivers.lathe.snapshot import AxisName
-from drivers.lathe.standing import BY_SSH
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -145,10 +145,10 @@ def state_row(frame: Frame, width: int) -> list[Line]:
         activity, token = observing(text, state, frame.clock), Token.WARNING
     clock = dim(f"   {frame.clock:%H:%M} ")
     room = width - width_of((*head, clock)) - cell_len(activity) - 1
-    beside = _beside(frame, room)
+    beside = _describe_terminal(frame, room)
     machine, job = _names(state.machine, frame, room - width_of(beside))
     names = [(f"{name} · ", token) for name, token in ((machine, Token.DIM), (job, Token.STRONG)) if name]
-    return [ranged((*head, *names, (activity, token)), (*beside, clock), width)]
+    return [justify_line((*head, *names, (activity, token)), (*beside, clock), width)]
 
 
 def sim(text: Catalogue, state: StationState) -> str:
@@ -158,7 +158,7 @@ def sim(text: Catalogue, state: StationState) -> str:
     return text("sim") if state.speed == 1.0 else text("sim.speed", speed=f"{state.speed:g}")
 
 
-def _beside(frame: Frame, room: int) -> Line:
+def _describe_terminal(frame: Frame, room: int) -> Line:
     """Return where the terminal is, who looks on and how old the state is, as far as the names leave `room`."""
     state = frame.state
     parts = [place(frame.text, state, frame.client), onlookers(frame.text, state), age_of(frame)]
@@ -207,7 +207,7 @@ def age_of(frame: Frame) -> Line:
 def alarm_row(frame: Frame, width: int) -> list[Line]:
     """Return the foremost alarm, with the number of unseen ones; else the answer to the last key."""
     text, alarms = frame.text, frame.state.alarms
-    waiting, front = unseen(alarms), foremost(alarms)
+    waiting, front = unacknowledged_alarms(alarms), foremost(alarms)
     more = text("frame.all") if len(alarms) > 1 else ""
     if waiting and front is not None:
         count = f"{text('frame.acknowledge', count=len(waiting))} {more}"
@@ -235,7 +235,7 @@ def answer_of(frame: Frame) -> tuple[Problem, ...]:
 
 def unseen_alarm(state: StationState) -> Alarm | None:
     """Return the foremost alarm, if it is unseen."""
-    return foremost(unseen(state.alarms))
+    return foremost(unacknowledged_alarms(state.alarms))
 
 
 def _alarm(text: Catalogue, alarm: Alarm, count: str, token: Token, width: int) -> list[Line]:
@@ -256,7 +256,9 @@ def _answer(frame: Frame, width: int) -> list[Line]:
     """Return the first answer in full, and how many more the list of messages shows."""
     text, (first, *others) = frame.text, answer_of(frame)
     beside = line((f" +{len(others)} {text('frame.all')} ", Token.WARNING)) if others else BLANK
-    return hanging((" – ", Token.WARNING), text.problem(named(first, text)), width, Token.WARNING, beside=beside)
+    return hanging(
+        (" – ", Token.WARNING), text.problem(name_field(first, text)), width, Token.WARNING, beside=beside
+    )
 
 
 def pages_row(frame: Frame, width: int) -> list[Line]:
@@ -266,7 +268,7 @@ def pages_row(frame: Frame, width: int) -> list[Line]:
     if frame.page is PageName.TRAIN:
         shown |= {PageName.TRAIN: "9", PageName.MORE: DIGITS[PageName.MORE]}
     rows = [_pages(frame, shown, *room) for room in ((" ", " "), ("", " "), ("", ""))]
-    return [ranged(next((row for row in rows if width_of(row) <= width), rows[-1]), BLANK, width)]
+    return [justify_line(next((row for row in rows if width_of(row) <= width), rows[-1]), BLANK, width)]
 
 
 def _pages(frame: Frame, shown: dict[PageName, str], around: str, between: str) -> Line:
@@ -301,7 +303,7 @@ def next_row(frame: Frame, width: int) -> list[Line]:
         key = "frame.recover" if state.stop.rest_s is not None else stopping_key(state)
         step = line((text(key, reason=text.reason(state.stop.reason)), Token.ACTION))
     token = step[0][1] if step else Token.TEXT
-    return hanging((" ▶ ", Token.ACTION), plain([step]), width, token)
+    return hanging((" ▶ ", Token.ACTION), plain_text([step]), width, token)
 
 
 def stop_row(frame: Frame, width: int) -> list[Line]:
@@ -312,10 +314,10 @@ def stop_row(frame: Frame, width: int) -> list[Line]:
     words, token = _of_stop(text, state, frame.machine)
     if state.is_unanswered(frame.now_s) and (state.stop is None or state.stop.delivered):
         words, token = text("frame.not_known"), Token.WARNING
-    rows = wrapped(words, max(width - width_of(left) - 2, 1), token)
+    rows = wrap_line(words, max(width - width_of(left) - 2, 1), token)
     column = max(width_of(row) for row in rows) + 1
     filled = [(*row, dim(" " * (column - width_of(row)))) for row in rows]
-    return [*(ranged(BLANK, row, width) for row in filled[:-1]), ranged(left, filled[-1], width)]
+    return [*(justify_line(BLANK, row, width) for row in filled[:-1]), justify_line(left, filled[-1], width)]
 
 
 def _is_stopping(state: StationState) -> bool:
@@ -406,7 +408,9 @@ def frame_rows(frame: Frame, width: int, height: int) -> dict[str, list[Line]]:
     for name in _FIRST_SERVED:
         lines = rows[name]
         # The key of the stop row is in its last line.
-        rows[name] = lines[-1 - spare :] if name == "stop" else clipped(lines, 1 + spare, frame.text("panel.more"))
+        rows[name] = (
+            lines[-1 - spare :] if name == "stop" else clip_lines(lines, 1 + spare, frame.text("panel.more"))
+        )
         spare -= len(rows[name]) - 1
     return rows
 
@@ -418,8 +422,8 @@ def small_rows(text: Catalogue, state: StationState, smallest: tuple[int, int], 
     if state.speed != 1.0:
         rows.append(line((f" {sim(text, state)} ", Token.SIM)))
     if state.stop is not None and not state.stop.delivered:
-        rows += wrapped(f"!!! {text('frame.not_delivered')}", width, Token.ALARM)
+        rows += wrap_line(f"!!! {text('frame.not_delivered')}", width, Token.ALARM)
     alarm = unseen_alarm(state)
     if alarm is not None:
-        rows += wrapped(f"{MARKS[alarm.priority]} {alarm_words(text, alarm)}", width, Token.ALARM)
-    return [*rows, *wrapped(text("small.say", columns=smallest[0], rows=smallest[1]), width)]
+        rows += wrap_line(f"{MARKS[alarm.priority]} {alarm_words(text, alarm)}", width, Token.ALARM)
+    return [*rows, *wrap_line(text("small.say", columns=smallest[0], rows=smallest[1]), width)]

@@ -26,7 +26,7 @@ class FrameRows:
     def __getitem__(self, name: str) -> Sheet:
         return self._sheets[name]
 
-    def named(self, names: Sequence[str]) -> list[Sheet]:
+    def find_sheets(self, names: Sequence[str]) -> list[Sheet]:
         """Return the sheets of these rows."""
         return [self._sheets[name] for name in names]
 
@@ -51,10 +51,10 @@ class MadeRows:
         self._made_for: tuple[object, ...] = ()
         self._rows: dict[str, list[Line]] = {}
 
-    def of(self, frame: Frame, width: int, height: int) -> dict[str, list[Line]]:
+    def frame_lines(self, frame: Frame, width: int, height: int) -> dict[str, list[Line]]:
         """Return the lines of each row for this terminal size."""
         before, self._made_for = self._made_for, (*contents(frame), width, height)
-        if len(before) != len(self._made_for) or not all(map(_alike, before, self._made_for)):
+        if len(before) != len(self._made_for) or not all(map(_is_unchanged, before, self._made_for)):
             self._rows = frame_rows(frame, width, height)
         return self._rows
 
@@ -73,7 +73,7 @@ def contents(frame: Frame) -> tuple[object, ...]:
     return (*_FRAME(frame), *words, *_STATE(state), polled, minute, age_of(frame))
 
 
-def _alike(before: object, now: object) -> bool:
+def _is_unchanged(before: object, now: object) -> bool:
     """Whether two values are the same; large ones, which are replaced and never changed, only as one object."""
     return before is now or (isinstance(now, str | int | float | tuple | frozenset) and before == now)
 

@@ -24,7 +24,7 @@ from console.tui.keymap import (
     TAKE,
     Action,
     PageName,
-    Stops,
+    StoppableMotion,
     action_of,
 )
 
@@ -57,7 +57,7 @@ class FieldKind(Enum):
     TEXT = auto()
 
 
-class Verdict(Enum):
+class KeyDecision(Enum):
     """Decision about a key."""
 
     STOP = auto()
@@ -68,7 +68,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Situation:
+class KeySituation:
     """What a key is judged by. `small`: the terminal is too small for a page, nothing may be moved.
 
     `reading`: a list is in place of the page, and the keys that scroll it do nothing else. `jogging` is
@@ -100,7 +100,7 @@ def known_at_rest(state: StationState, now_s: float, acted_s: float, *, queued: 
     return settled and not (state.seen_moving or state.may_move or queued)
 
 
-def stops_at_once(key: str, now: Situation) -> bool:
+def stops_at_once(key: str, now: KeySituation) -> bool:
     """Return whether a key stops in any state: not Space in free text, nor Escape that closes a list at rest."""
     if key == "space":
         if now.seeking:
@@ -110,55 +110,55 @@ def stops_at_once(key: str, now: Situation) -> bool:
     return key in STOP_KEYS and not _closes_list(key, now)
 
 
-def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Action | None]:
+def judge(key: str, character: str | None, now: KeySituation) -> tuple[KeyDecision, Action | None]:
     """Return the decision about a key, with its action.
 
     While something moves, an unbound key is a stop, and so is an Alt-key, which may hide an Escape. A stop with an
     action is that of a key which requests another motion than the present one.
     """
     if stops_at_once(key, now):
-        return Verdict.STOP, None
+        return KeyDecision.STOP, None
     if key in KILL_KEYS:
-        return Verdict.KILL, None
+        return KeyDecision.KILL, None
     if _closes_list(key, now):
-        return Verdict.ACTION, CLOSE
+        return KeyDecision.ACTION, CLOSE
     if now.seeking:
         return _sought(key, character, now)
     if _writes(key, character, now.field) and not now.reading:
-        return Verdict.FIELD, None
+        return KeyDecision.FIELD, None
     action = _action(key, character, now)
     if action is not None:
-        return (Verdict.STOP if _changes(action, now) else Verdict.ACTION), action
+        return (KeyDecision.STOP if _changes(action, now) else KeyDecision.ACTION), action
     if now.moving and not is_inert(key):
-        return Verdict.STOP, None
-    return Verdict.NOTHING, None
+        return KeyDecision.STOP, None
+    return KeyDecision.NOTHING, None
 
 
-def _sought(key: str, character: str | None, now: Situation) -> tuple[Verdict, Action | None]:
+def _sought(key: str, character: str | None, now: KeySituation) -> tuple[KeyDecision, Action | None]:
     """Return the decision about a key while the palette is open: text or a choice; in motion every key stops."""
     if now.moving:
-        return (Verdict.NOTHING if is_inert(key) else Verdict.STOP), None
+        return (KeyDecision.NOTHING if is_inert(key) else KeyDecision.STOP), None
     of_page = action_of(key, character, now.page, now.own)
     if not now.small:
         chosen = next((each for each in (*READING, TAKE) if key in each.keys), None)
         if chosen is not None:
-            return Verdict.ACTION, chosen
+            return KeyDecision.ACTION, chosen
         if key == "backspace" or (character is not None and character.isprintable()):
-            return Verdict.FIELD, None
+            return KeyDecision.FIELD, None
     everywhere = of_page is not None and of_page.page is None and not is_page(of_page)
     if everywhere and (not now.small or key == "ctrl+q"):
-        return Verdict.ACTION, of_page
-    return Verdict.NOTHING, None
+        return KeyDecision.ACTION, of_page
+    return KeyDecision.NOTHING, None
 
 
-def is_stray(key: str, character: str | None, now: Situation) -> bool:
+def is_stray(key: str, character: str | None, now: KeySituation) -> bool:
     """Whether a typed character is no part of a number; it stays, for 1e3 without its e is another number."""
     printable = character is not None and character.isprintable()
-    vanishes = key == "space" or judge(key, character, now)[0] is Verdict.NOTHING
+    vanishes = key == "space" or judge(key, character, now)[0] is KeyDecision.NOTHING
     return now.field is FieldKind.NUMBER and not now.reading and printable and vanishes
 
 
-def _action(key: str, character: str | None, now: Situation) -> Action | None:
+def _action(key: str, character: str | None, now: KeySituation) -> Action | None:
     """Return the action of a key: of the open list or the page, and none that would interrupt a number."""
     if now.reading and (scrolling := next((each for each in READING if key in each.keys), None)):
         return scrolling
@@ -198,15 +198,15 @@ def is_inert(key: str) -> bool:
     return key.rpartition("+")[2] in INERT_KEYS
 
 
-def _closes_list(key: str, now: Situation) -> bool:
+def _closes_list(key: str, now: KeySituation) -> bool:
     return key == "escape" and now.reading and now.at_rest and not now.moving and not now.small
 
 
-def _changes(action: Action, now: Situation) -> bool:
+def _changes(action: Action, now: KeySituation) -> bool:
     """Whether a key requests another motion than the present one, or leaves the page of a jog step."""
-    if not now.moving or action.stops is Stops.NOTHING:
+    if not now.moving or action.stops is StoppableMotion.NOTHING:
         return False
-    if action.stops is Stops.JOG:
+    if action.stops is StoppableMotion.JOG:
         return now.jogging and action.id != f"page.{now.page}"
     return not (now.jogging and action.id == now.jog)
 
@@ -233,6 +233,6 @@ class HeldKeys:
         self._pressed_s[action.id] = now_s
         return action.once and now_s - before_s < REPEAT_S
 
-    def typed(self) -> None:
+    def note_typed_character(self) -> None:
         """Note a character of an entry: no key was held while it was typed, so the next Enter is a new press."""
         self._pressed_s.clear()

@@ -61,7 +61,7 @@ _PAGES = {str(page): page for page in PageName}
 DIGITS = {**{page: str(number) for number, page in enumerate(NUMBERED, start=1)}, PageName.MORE: "0"}
 
 
-class Stops(Enum):
+class StoppableMotion(Enum):
     """Kinds of motion that a key stops first, as a change of mind: none, a jog step, any."""
 
     NOTHING = auto()
@@ -84,7 +84,7 @@ class Action:
     row: str | None = None
     moves: bool = False
     once: bool = False
-    stops: Stops = Stops.NOTHING
+    stops: StoppableMotion = StoppableMotion.NOTHING
     beside: bool = False
 
     @property
@@ -124,7 +124,11 @@ _NAMES = {
 
 
 def _keys(
-    page: str, *rows: str, moves: bool = False, once: bool = False, stops: Stops = Stops.NOTHING
+    page: str,
+    *rows: str,
+    moves: bool = False,
+    once: bool = False,
+    stops: StoppableMotion = StoppableMotion.NOTHING,
 ) -> Iterator[Action]:
     """Yield the actions of a page from the rows of its help, each "name key", with further ones after commas.
 
@@ -152,7 +156,13 @@ _LETTERS = {
 
 _ACTIONS = (
     *(
-        Action(id=f"page.{page}", keys=(digit,), shown=digit, stops=Stops.JOG, beside=page is PageName.ALARMS)
+        Action(
+            id=f"page.{page}",
+            keys=(digit,),
+            shown=digit,
+            stops=StoppableMotion.JOG,
+            beside=page is PageName.ALARMS,
+        )
         for page, digit in DIGITS.items()
     ),
     *(
@@ -184,14 +194,14 @@ _ACTIONS = (
     *_keys("align", "step F4", moves=True, once=True),
     *_keys("align", "take Enter", once=True),
     *_keys("align", "enable j"),
-    *_keys("align", "in ↓ .", "out ↑ ↑↓", "chuck ← ←→", "tail → .", moves=True, stops=Stops.MOTION),
-    *_keys("align", "forward PgUp PgUp/Dn", "backward PgDn .", moves=True, stops=Stops.MOTION),
-    *_keys("align", "larger + +-", "smaller - .", stops=Stops.JOG),
+    *_keys("align", "in ↓ .", "out ↑ ↑↓", "chuck ← ←→", "tail → .", moves=True, stops=StoppableMotion.MOTION),
+    *_keys("align", "forward PgUp PgUp/Dn", "backward PgDn .", moves=True, stops=StoppableMotion.MOTION),
+    *_keys("align", "larger + +-", "smaller - .", stops=StoppableMotion.JOG),
     *_keys("align", "goto g ."),
     *_keys("align", "go F6 .", moves=True, once=True),
     *_keys("align", "flank i .", "skim m .", once=True),
     *_keys("align", "clamping n .", "force f .", "hold h .", "back b ."),
-    *_keys("align", "off F3", stops=Stops.MOTION),
+    *_keys("align", "off F3", stops=StoppableMotion.MOTION),
     *_keys("run", "arm F5", once=True),
     *_keys("run", "start F6", "feed_hold F4", "one_turn F10 .", "hold F7", moves=True, once=True),
     *_keys("run", "more + +-", "less - .", moves=True),
@@ -203,9 +213,11 @@ _ACTIONS = (
     Action(id="inspect.larger", keys=("+", "="), shown="+ -", row=""),
     Action(id="inspect.smaller", keys=("-",), shown="-", row="", beside=True),
     *_keys("inspect", "whole z .", "export x ."),
-    *_keys("inspect", "up ↑ ., down ↓", "page_up PgUp ., page_down PgDn", stops=Stops.MOTION),
-    *_keys("inspect", "first Home ., last End", "path p .", "state s .", "direction d .", stops=Stops.MOTION),
-    *_keys("inspect", "mark j .", stops=Stops.MOTION),
+    *_keys("inspect", "up ↑ ., down ↓", "page_up PgUp ., page_down PgDn", stops=StoppableMotion.MOTION),
+    *_keys(
+        "inspect", "first Home ., last End", "path p .", "state s .", "direction d .", stops=StoppableMotion.MOTION
+    ),
+    *_keys("inspect", "mark j .", stops=StoppableMotion.MOTION),
     *_keys("records", "up ↑ ↑↓", "down ↓ .", "page_up PgUp ., page_down PgDn", "first Home ., last End"),
     *_keys("records", "open Enter", "back ←", "chart c", "mark b", "search /", "failed f", "job j ."),
     *_keys("records", "machines m .", "program p .", "cut e .", "figure d ."),

@@ -26,7 +26,7 @@ Screen { layout: vertical; background: $background; color: $foreground; }
 """
 
 
-def cramped(action: Action, size: Size) -> tuple[Problem, ...]:
+def find_size_problems(action: Action, size: Size) -> tuple[Problem, ...]:
     """Return why nothing may be moved on a terminal of this size, empty where it may."""
     columns, rows = SMALLEST_TO_MOVE
     if action.moves and (size.width < columns or size.height < rows):

@@ -39,7 +39,7 @@ def width_of(pieces: Line) -> int:
     return sum(cell_len(text) for text, _ in pieces)
 
 
-def fitted(text: str, width: int) -> str:
+def fit_text(text: str, width: int) -> str:
     """Return a text of exactly `width` cells: padded, or cut with an ellipsis."""
     if cell_len(text) <= width:
         return set_cell_size(text, width)
@@ -54,7 +54,7 @@ def name_in(name: str, width: int, *, tail_fraction: float = 0.5) -> str:
     if cell_len(name) <= width:
         return name
     if width < 4:
-        return fitted(name, max(width, 0)).rstrip()
+        return fit_text(name, max(width, 0)).rstrip()
     return "…".join(_ends(name, width, tail_fraction))
 
 
@@ -68,17 +68,17 @@ def name_among(name: str, others: tuple[str, ...], width: int, *, tail_fraction:
         return name_in(name, width, tail_fraction=tail_fraction)
     shown = head, tail = _ends(name, width, tail_fraction)
     similar = [each for each in others if each != name and each.startswith(head[:4]) and each.endswith(tail[-1])]
-    starts = sorted({_alike(name, each) for each in similar})
+    starts = sorted({_common_prefix_length(name, each) for each in similar})
     forms: list[tuple[str, ...]] = [
         shown,
-        *(_with(name, pair, width) for pair in combinations_with_replacement(starts, 2)),
+        *(_abbreviate_name(name, pair, width) for pair in combinations_with_replacement(starts, 2)),
     ]
     # The first form that no other name can have, or of those that the fewest can the one with most pieces.
     counted = [(_number_with(similar, form), form) for form in forms]
     return "…".join(min(counted, key=lambda each: (each[0], -len(each[1]) if each[0] else 0))[1])
 
 
-def _with(name: str, starts: tuple[int, int], width: int) -> tuple[str, ...]:
+def _abbreviate_name(name: str, starts: tuple[int, int], width: int) -> tuple[str, ...]:
     """Return a form of a name in `width` cells that has what begins at two places, or at one that is both."""
     end = name[starts[0] :]
     if cell_len(end) <= width - _LEAST_HEAD:
@@ -96,7 +96,7 @@ def _ends(name: str, width: int, tail_fraction: float) -> tuple[str, str]:
     return _head(name, width - 1 - cell_len(tail)), tail
 
 
-def _alike(name: str, other: str) -> int:
+def _common_prefix_length(name: str, other: str) -> int:
     """Return how many characters two names have in common at their beginning."""
     return next(
         (place for place, pair in enumerate(zip(name, other, strict=False)) if pair[0] != pair[1]), len(other)
@@ -123,7 +123,7 @@ def to_the_right(text: str, width: int) -> str:
     return " " * max(width - cell_len(text), 0) + text
 
 
-def clipped(lines: list[Line], height: int | None, more: str) -> list[Line]:
+def clip_lines(lines: list[Line], height: int | None, more: str) -> list[Line]:
     """Return what fits, all without a height; the last row is `more` where it continues: how to see the rest."""
     if height is None or len(lines) <= height:
         return lines
@@ -133,16 +133,16 @@ def clipped(lines: list[Line], height: int | None, more: str) -> list[Line]:
 def first_fitting(height: int | None, more: str, *layouts: list[Line]) -> list[Line]:
     """Return the first of the layouts that fits, the first without a height; clip the last where none fits."""
     fitting = (lines for lines in layouts if height is None or len(lines) <= height)
-    return next(fitting, None) or clipped(layouts[-1], height, more)
+    return next(fitting, None) or clip_lines(layouts[-1], height, more)
 
 
 @lru_cache(maxsize=512)
-def ranged(left: Line, right: Line, width: int) -> Line:
+def justify_line(left: Line, right: Line, width: int) -> Line:
     """Return one line with `left` left-aligned and `right` right-aligned; the left one is shortened."""
     room = width - width_of(right)
     kept: list[Piece] = []
     for text, token in left:
-        piece = fitted(text, room) if cell_len(text) > room else text
+        piece = fit_text(text, room) if cell_len(text) > room else text
         room -= cell_len(piece)
         kept.append((piece, token))
     return (*kept, (" " * max(room, 0), Token.TEXT), *right)
@@ -151,17 +151,17 @@ def ranged(left: Line, right: Line, width: int) -> Line:
 def fact(label: str, value: str, width: int, *, label_width: int, token: Token = Token.TEXT) -> Line:
     """Return a row of a panel: a dim label, and its value right-aligned in `width`."""
     room = max(width - label_width, 0)
-    shown = fitted(value, room) if cell_len(value) > room else to_the_right(value, room)
-    return (fitted(label, label_width), Token.DIM), (shown, token)
+    shown = fit_text(value, room) if cell_len(value) > room else to_the_right(value, room)
+    return (fit_text(label, label_width), Token.DIM), (shown, token)
 
 
-def wrapped(text: str, width: int, token: Token = Token.TEXT, *, first: int | None = None) -> list[Line]:
+def wrap_line(text: str, width: int, token: Token = Token.TEXT, *, first: int | None = None) -> list[Line]:
     """Return a text broken at spaces (long words anywhere) into lines of `width` cells, the first of `first`."""
-    return list(_wrapped(text, width, token, first))
+    return list(_wrap_line(text, width, token, first))
 
 
 @lru_cache(maxsize=512)
-def _wrapped(text: str, width: int, token: Token, first: int | None) -> tuple[Line, ...]:
+def _wrap_line(text: str, width: int, token: Token, first: int | None) -> tuple[Line, ...]:
     lines: list[str] = []
     current = ""
     for word in text.split():
@@ -190,8 +190,8 @@ def hanging(mark: Piece, text: str, width: int, token: Token = Token.TEXT, *, be
     indent = cell_len(mark[0])
     room = max(width - indent, 1)
     free = max(room - width_of(beside) - bool(beside), 1)
-    first, *rest = wrapped(text, room, token, first=free) or [BLANK]
-    return [ranged((mark, *first), beside, width), *((dim(" " * indent), *more) for more in rest)]
+    first, *rest = wrap_line(text, room, token, first=free) or [BLANK]
+    return [justify_line((mark, *first), beside, width), *((dim(" " * indent), *more) for more in rest)]
 
 
 def to_strip(pieces: Iterable[Piece], width: int, palette: Palette) -> Strip:
@@ -200,12 +200,12 @@ def to_strip(pieces: Iterable[Piece], width: int, palette: Palette) -> Strip:
     return strip.adjust_cell_length(width, palette[Token.TEXT])
 
 
-def plain(lines: Sequence[Line]) -> str:
+def plain_text(lines: Sequence[Line]) -> str:
     """Return the text of lines without their tokens."""
     return "\n".join("".join(text for text, _ in pieces).rstrip() for pieces in lines)
 
 
-def changed(before: Line, after: Line) -> tuple[int, int]:
+def find_changed_cells(before: Line, after: Line) -> tuple[int, int]:
     """Return the cells, first and past the last, in which two lines differ; (0, 0) where they do not."""
     # Most often a label stays and its value changes: cells are compared from the first piece that differs.
     same = next((place for place, pair in enumerate(zip(before, after, strict=False)) if pair[0] != pair[1]), 0)
@@ -249,7 +249,7 @@ class Sheet(Widget, can_focus=False):
         regions = []
         for row, (old, new) in enumerate(zip_longest(before, self.lines, fillvalue=BLANK)):
             if old != new:
-                first, end = changed(old, new)
+                first, end = find_changed_cells(old, new)
                 regions.append(Region(first, row, end - first, 1))
         # A row beyond the present height has its place only after the next layout: until then it would be painted
         # over the widget below, and a wide character there that straddles its end would lose its other half.

@@ -15,8 +15,8 @@ from console.tui.frame import MARKS, Frame, alarm_words, answer_of
 from console.tui.glossary import glossary_lines
 from console.tui.key_help import KEY_WIDTH, LISTS, help_lines, shown_key, words_of
 from console.tui.keymap import ACTIONS, CLOSE, NO_KEYS, PALETTE, Action, PageName, actions_of
-from console.tui.lines import BLANK, Line, Sheet, dim, fitted, hanging, line, ranged, width_of, wrapped
-from console.tui.pages.fields import named
+from console.tui.lines import BLANK, Line, Sheet, dim, fit_text, hanging, justify_line, line, width_of, wrap_line
+from console.tui.pages.fields import name_field
 from console.tui.theme import Palette, Token
 from profiles.problem import Problem
 
@@ -71,16 +71,16 @@ def entries(text: Catalogue, page: PageName, why_not: WhyNot, own: OwnKeys = NO_
     )
 
 
-def found(listed: Sequence[Entry], query: str) -> tuple[Entry, ...]:
+def find_palette_entries(listed: Sequence[Entry], query: str) -> tuple[Entry, ...]:
     """Return the entries with every typed word in their words, key or page; those of just this key come first."""
     typed = query.casefold().split()
-    hits = [entry for entry in listed if all(word in _searched(entry) for word in typed)]
+    hits = [entry for entry in listed if all(word in _searchable_text(entry) for word in typed)]
     key = query.strip().casefold()
     exact = [each for each in listed if typed and key in (*each.action.keys, *each.key.casefold().split())]
     return (*exact, *(entry for entry in hits if entry not in exact))
 
 
-def _searched(entry: Entry) -> str:
+def _searchable_text(entry: Entry) -> str:
     written = [key for key in entry.action.keys if len(key) > 1]
     return " ".join((entry.key, *written, entry.words, entry.page_name)).casefold()
 
@@ -105,16 +105,16 @@ def _entry_lines(text: Catalogue, entry: Entry, width: int, *, full: bool) -> li
     token = Token.SELECTED if full else token
     page = line(dim(f" {entry.page_name}"))
     room = max(width - _INDENT - width_of(page), 8)
-    words = wrapped(entry.words, room, token) if full else [((fitted(entry.words, room).rstrip(), token),)]
-    head = ranged((mark, (fitted(entry.key, KEY_WIDTH), key_token), *words[0]), page, width)
+    words = wrap_line(entry.words, room, token) if full else [((fit_text(entry.words, room).rstrip(), token),)]
+    head = justify_line((mark, (fit_text(entry.key, KEY_WIDTH), key_token), *words[0]), page, width)
     rows: list[Line] = [head, *((dim(" " * _INDENT), *more) for more in words[1:])]
     for problem in entry.reasons[: None if full else 1]:
-        reason = text.problem(named(problem, text))
+        reason = text.problem(name_field(problem, text))
         mark = (" " * _INDENT + "– ", Token.DIM)
         if full:
             rows += hanging(mark, reason, width, Token.WARNING)
         else:
-            rows.append((mark, (fitted(reason, max(width - _INDENT - 2, 8)).rstrip(), Token.DIM)))
+            rows.append((mark, (fit_text(reason, max(width - _INDENT - 2, 8)).rstrip(), Token.DIM)))
     return rows
 
 
@@ -170,9 +170,9 @@ class ListPanel(Sheet):
         return True
 
     @property
-    def chosen(self) -> Entry | None:
+    def selected_entry(self) -> Entry | None:
         """The selected entry of the palette, None where nothing is found."""
-        listed = found(self._entries, self._query)
+        listed = find_palette_entries(self._entries, self._query)
         return listed[min(self._selected, len(listed) - 1)] if listed else None
 
     def step(self) -> None:
@@ -218,17 +218,17 @@ class ListPanel(Sheet):
         self.show([*rows[self._first : last], line(dim(foot))])
 
     def _select(self, by: int) -> None:
-        last = max(len(found(self._entries, self._query)) - 1, 0)
+        last = max(len(find_palette_entries(self._entries, self._query)) - 1, 0)
         self._selected = min(max(self._selected + by, 0), last)
 
     def _lay_palette(self, width: int) -> None:
         """Show the words that are typed, the entries around the selected one, and what the keys do."""
-        text, listed = self._text, found(self._entries, self._query)
+        text, listed = self._text, find_palette_entries(self._entries, self._query)
         self._select(0)
         rows, (begin, end) = palette_lines(text, listed, self._selected, width)
         if not listed:
             none = text.problem(Problem(code="screen.palette_none"))
-            rows = wrapped(none, width, Token.WARNING)
+            rows = wrap_line(none, width, Token.WARNING)
         room = max(self.size.height - 2, 1)
         self._first = min(max(self._first, end - room), begin)
         self._first = min(max(self._first, 0), max(len(rows) - room, 0))
@@ -248,7 +248,7 @@ def message_lines(frame: Frame, of_page: Sequence[Line], width: int) -> list[Lin
     if answers:
         rows += [BLANK, line((text("messages.answers", count=len(answers)), Token.TITLE))]
     for problem in answers:
-        rows += hanging(("– ", Token.WARNING), text.problem(named(problem, text)), width, Token.WARNING)
+        rows += hanging(("– ", Token.WARNING), text.problem(name_field(problem, text)), width, Token.WARNING)
     rows += lost_rows(text, frame.state, width)
     if of_page:
         rows += [BLANK, line((text(f"page.{frame.page}"), Token.TITLE)), *of_page]

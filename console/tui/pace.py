@@ -16,7 +16,7 @@ WRITTEN = 3  # this many characters in a row come from a scanner; two may be a f
 Held = TypeVar("Held")
 
 
-class Pace(Generic[Held]):
+class KeyPace(Generic[Held]):
     """Judge every key by its time, of any monotonic clock. The repeats of one key are no burst."""
 
     def __init__(self) -> None:
@@ -30,15 +30,15 @@ class Pace(Generic[Held]):
         # A held action is not known to have been alone: the calling thread may be late.
         close = bool(self._held) or now_s - self._heard_s <= APART_S
         self._written = 0
-        return self._heard(name, now_s, burst=close and name != self._name)
+        return self._note_key(name, now_s, burst=close and name != self._name)
 
     def write(self, name: str, now_s: float, *, character: bool) -> bool:
         """Note a key that belongs to a field; return whether a `character` of it was not typed."""
         soon = now_s - self._heard_s <= APART_S
         self._written = (self._written if soon else 0) + 1 if character else 0
-        return self._heard(name, now_s, burst=bool(self._held) or self._written >= WRITTEN)
+        return self._note_key(name, now_s, burst=bool(self._held) or self._written >= WRITTEN)
 
-    def _heard(self, name: str, now_s: float, *, burst: bool) -> bool:
+    def _note_key(self, name: str, now_s: float, *, burst: bool) -> bool:
         if burst:
             self._held.clear()
             self._burst_s = now_s
@@ -52,7 +52,7 @@ class Pace(Generic[Held]):
         self._held.append((now_s, held))
         return False
 
-    def due(self, now_s: float) -> list[Held]:
+    def take_due_keys(self, now_s: float) -> list[Held]:
         """Return what was held back long enough, once all pending input was noted."""
         due = [held for at_s, held in self._held if now_s >= at_s + APART_S]
         del self._held[: len(due)]

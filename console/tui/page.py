@@ -29,7 +29,7 @@ def rows_moved(action: str, page_rows: int = 1) -> int | None:
     return {**by, "first": -sys.maxsize, "last": sys.maxsize}.get(action.partition(".")[2])
 
 
-def moved(place: int, by: int, count: int) -> int:
+def move_selection(place: int, by: int, count: int) -> int:
     """Return the place in a list of so many rows after a move; 0 in an empty one."""
     return min(max(place + by, 0), max(count - 1, 0))
 
@@ -66,7 +66,7 @@ class Page(Container):
     def point(self, panel: Widget, row: int) -> None:
         """Choose what is in a row of a panel, from 0: a click at rest. Nothing moves, and nothing is confirmed."""
 
-    def heard(self, action: str | None) -> None:
+    def note_action(self, action: str | None) -> None:
         """Note a key before it is acted on, whatever it means: the action, None without one."""
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:

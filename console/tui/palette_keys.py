@@ -49,13 +49,13 @@ class PaletteKeys:
 
     def write(self, key: str, character: str | None) -> None:
         """Take a key of the entry: a character, or Backspace, which without a character closes the palette."""
-        self._ui.said = ()
+        self._ui.key_answer = ()
         if not self._panel.write(key, character):
             self._panel.open(PAGE)
 
     def take(self, page: PageName, perform: Callable[[Action], None]) -> None:
         """Perform the selected action, or show its page; what moves the machine is left to its key."""
-        entry, ui = self._panel.chosen, self._ui
+        entry, ui = self._panel.selected_entry, self._ui
         if entry is None:
             return
         action = entry.action
@@ -68,7 +68,7 @@ class PaletteKeys:
             return
         elif entry.is_started:
             self._taken_s = ui.control.now_s()
-            ui.said = ()
+            ui.key_answer = ()
             self._panel.open(PAGE)
             perform(action)
         else:

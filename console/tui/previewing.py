@@ -21,10 +21,10 @@ from profiles.problem import Problem, ProblemError
 if TYPE_CHECKING:
     from drivers.cutting.strategy import Strategy
     from drivers.preview.outlook import Outlook
-    from drivers.preview.preview import Asked, Preview, Program, Underway
+    from drivers.preview.preview import PartialPreview, Preview, Program, ProgramInput
     from profiles.axis.response import ServoResponse
     from profiles.axis.servo import Eq9Summary
-    from profiles.compensations.learned import ExpectedPart
+    from profiles.compensations.learned_compensation import ExpectedPart
     from profiles.compensations.path import CutPath
 
 Key = TypeVar("Key")
@@ -33,7 +33,7 @@ PROGRAMS_KEPT = 60  # those of a dozen jobs, between which an operator steps bac
 LOOPS_KEPT = 4
 
 
-class Kept(Generic[Key, Value]):
+class ValueCache(Generic[Key, Value]):
     """Cache of the last `most` values, for two threads. Keys are compared: a profile with tables has no hash."""
 
     def __init__(self, most: int) -> None:
@@ -58,7 +58,7 @@ class Kept(Generic[Key, Value]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
+class PreviewQuestion:
     """What is to be predicted; `path` is that of a cut with `strategy`, None for the model's.
 
     `taught` is the result expected from the part that the path was learned from. `response` is the identified one
@@ -78,44 +78,44 @@ class Question:
 class _Begun:
     """A question, its outlook or the `problems` of it, and its programs (`asked`), that of its strategy first."""
 
-    question: Question
+    question: PreviewQuestion
     outlook: Outlook | None = None
-    asked: tuple[Asked, ...] = ()
+    asked: tuple[ProgramInput, ...] = ()
     problems: tuple[Problem, ...] = ()
 
 
 class Previewer:
-    """Answer the newest question; `refreshed` is called at every tick, by the thread of the screen alone."""
+    """Answer the newest question; `refresh_work` is called at every tick, by the thread of the screen alone."""
 
     def __init__(self) -> None:
-        self._programs: Kept[Asked, Program] = Kept(PROGRAMS_KEPT)
-        self._loops: Kept[MachineProfile, Eq9Summary] = Kept(LOOPS_KEPT)
+        self._programs: ValueCache[ProgramInput, Program] = ValueCache(PROGRAMS_KEPT)
+        self._loops: ValueCache[MachineProfile, Eq9Summary] = ValueCache(LOOPS_KEPT)
         self._begun: _Begun | None = None
         self._fault: tuple[_Begun, Problem] | None = None
-        self._shown: tuple[_Begun, Eq9Summary | None, dict[Strategy, Program], Underway] | None = None
+        self._shown: tuple[_Begun, Eq9Summary | None, dict[Strategy, Program], PartialPreview] | None = None
         self._settled: tuple[Work, Alignment, CutPath | None] | None = None
         self._thread: threading.Thread | None = None
 
-    def refreshed(self, work: Work, alignment: Alignment, *, path: CutPath | None = None) -> Work:
+    def refresh_work(self, work: Work, alignment: Alignment, *, path: CutPath | None = None) -> Work:
         """Return the work with what is known of exactly this job, aligned, so far; begin to compute the rest."""
         asked = (work, alignment, path)
         if self._settled is not None and all(a is b for a, b in zip(self._settled, asked, strict=True)):
             return work
-        question = Question(
+        question = PreviewQuestion(
             job=aligned_job(work.job, alignment),
             machine=aligned_machine(work.machine.machine, alignment),
             strategy=work.strategy,
             path=path,
-            taught=None if path is None else _taught(work, alignment),
-            response=_inverted(work),
+            taught=None if path is None else _expected_part(work, alignment),
+            response=_load_inverted_response(work),
             in_air=work.stage == "air",
         )
-        answered = self._answered(work, question)
+        answered = self._answer_question(work, question)
         done = answered.preview is not None or answered.preview_problems
         self._settled = (answered, alignment, path) if done else None
         return answered
 
-    def _answered(self, work: Work, question: Question) -> Work:
+    def _answer_question(self, work: Work, question: PreviewQuestion) -> Work:
         begun = self._begun
         if begun is None or begun.question != question:
             begun = self._begun = _begin(question)
@@ -124,7 +124,7 @@ class Previewer:
             problems = (self._fault[1],)
         if begun.outlook is None or problems:
             return replace(work, outlook=None, preview=None, preview_problems=problems)
-        seen, preview = self._known(begun, begun.outlook)
+        seen, preview = self._known_preview(begun, begun.outlook)
         if work.outlook is not seen:
             return replace(work, outlook=seen, preview=preview, preview_problems=())
         if preview is None and (self._thread is None or not self._thread.is_alive()):
@@ -133,9 +133,9 @@ class Previewer:
             self._thread.start()
         return work
 
-    def _known(self, begun: _Begun, outlook: Outlook) -> tuple[Underway, Preview | None]:
+    def _known_preview(self, begun: _Begun, outlook: Outlook) -> tuple[PartialPreview, Preview | None]:
         """Return the answer so far, the same object until something is added; and as the whole, if complete."""
-        from drivers.preview.preview import Preview, underway, whole
+        from drivers.preview.preview import Preview, complete_preview, underway
 
         loop = self._loops.find(begun.question.machine)
         found = ((each.strategy, self._programs.find(each)) for each in begun.asked)
@@ -143,7 +143,7 @@ class Previewer:
         shown = self._shown
         if shown is None or shown[0] is not begun or shown[1] is not loop or shown[2] != programs:
             if loop is not None and len(programs) == len(begun.asked):
-                seen: Underway = whole(outlook, loop, programs)
+                seen: PartialPreview = complete_preview(outlook, loop, programs)
             else:
                 seen = underway(outlook, loop, programs)
             shown = self._shown = (begun, loop, programs, seen)
@@ -175,26 +175,26 @@ class Previewer:
         return True
 
 
-def _inverted(work: Work) -> ServoResponse | None:
+def _load_inverted_response(work: Work) -> ServoResponse | None:
     """Return the identified response of the chosen path; one of another path is refused, and not predicted."""
     chosen = work.inverts
     return None if chosen is None or chosen.identified.path.value != work.strategy else chosen.response
 
 
-def _taught(work: Work, alignment: Alignment) -> ExpectedPart | None:
+def _expected_part(work: Work, alignment: Alignment) -> ExpectedPart | None:
     """Return what a part has taught of the path, with jaw 1 where it was found; None for an air cut."""
     from console.session.stages import Stage
-    from profiles.compensations.learned import expected_part
+    from profiles.compensations.learned_compensation import expected_part
 
     stage = Stage(work.stage)
     if work.compensation is None or stage is Stage.AIR:
         return None
     found = expected_part(work.compensation, stage.fraction)
     turn_deg = aligned_job(work.job, alignment).lobe_phase_deg - work.job.lobe_phase_deg
-    return None if found is None else found.turned(turn_deg)
+    return None if found is None else found.turn_by(turn_deg)
 
 
-def _begin(question: Question) -> _Begun:
+def _begin(question: PreviewQuestion) -> _Begun:
     from console.session.stages import Stage, air_mm
     from drivers.cutting.strategy import Strategy
     from drivers.preview.outlook import outlook
@@ -213,13 +213,13 @@ def _begin(question: Question) -> _Begun:
 
 
 class ChosenPath:
-    """Cache of the last path; `of` is called at every tick."""
+    """Cache of the last path; `path_for` is called at every tick."""
 
     def __init__(self) -> None:
         self._made_of: tuple[Any, ...] = ()
         self._path: CutPath | None = None
 
-    def of(self, work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | None:
+    def path_for(self, work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | None:
         """Return the path of compensation and stage, None for the model's, and for one that may not be cut."""
         if work.compensation is None and work.inverts is None and work.stage != "partial":
             return None
@@ -233,8 +233,8 @@ class ChosenPath:
 
 def _path(work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | None:
     # Loads numerics, which the first page does without.
-    from console.session.cut.compensated import chosen_problems, inverted_path, path_of
-    from console.session.stages import Stage, staged
+    from console.session.cut.compensated_cut import chosen_problems, inverted_path, path_of
+    from console.session.stages import Stage, scale_path_to_stage
     from drivers.cutting.strategy import Strategy
 
     if chosen_problems(work, simulated=simulated):
@@ -244,6 +244,6 @@ def _path(work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | Non
         strategy, path = Strategy(work.strategy), path_of(job, work.job, work.compensation)
         if path is None:
             path = inverted_path(job, machine, strategy, work.inverts)
-        return staged(job, machine, strategy, Stage(work.stage), path)
+        return scale_path_to_stage(job, machine, strategy, Stage(work.stage), path)
     except ProblemError:
         return None  # the preview fails for the same reason, and reports it

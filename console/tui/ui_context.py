@@ -42,7 +42,7 @@ class LessonTry(Protocol):
 
 @dataclass(kw_only=True, eq=False)
 class UiContext:
-    """The single UI context. `work` is replaced, never changed; `said` is the answer to the last key.
+    """The single UI context. `work` is replaced, never changed; `key_answer` is the answer to the last key.
 
     `draft` is a new job that is being filled in: while it is, no job is open. `copying` asks the page Set-up for
     the name of a copy of the open job. `go` shows another page. `data` is the operator's folder. `jog` is the
@@ -78,12 +78,12 @@ class UiContext:
     _said_at: Moment | None = None
 
     @property
-    def said(self) -> tuple[Problem, ...]:
+    def key_answer(self) -> tuple[Problem, ...]:
         """The answer to the last key."""
         return self._said
 
-    @said.setter
-    def said(self, problems: tuple[Problem, ...]) -> None:
+    @key_answer.setter
+    def key_answer(self, problems: tuple[Problem, ...]) -> None:
         self._said, self._said_at = problems, _moment(self.control.state)
 
     @property
@@ -93,7 +93,7 @@ class UiContext:
 
     def say(self, code: str, *, key: str = "", value: str = "", limit: str = "") -> None:
         """Answer the last key with a problem."""
-        self.said = (Problem(code=code, key=key, value=value, limit=limit),)
+        self.key_answer = (Problem(code=code, key=key, value=value, limit=limit),)
 
     @contextmanager
     def answering(self) -> Iterator[None]:
@@ -101,7 +101,7 @@ class UiContext:
         try:
             yield
         except ProblemError as error:
-            self.said = tuple(error.problems)
+            self.key_answer = tuple(error.problems)
 
     def refuses(self, action: str) -> bool:
         """Whether the station cannot take the command of this action now; the answer says why."""
@@ -110,7 +110,7 @@ class UiContext:
     def answers(self, reasons: tuple[Problem, ...]) -> bool:
         """Whether there are reasons against the action of the last key; they are its answer."""
         if reasons:
-            self.said = reasons
+            self.key_answer = reasons
         return bool(reasons)
 
     @property
@@ -157,7 +157,7 @@ def refusal(state: StationState, action: str) -> tuple[Problem, ...]:
     return wait_problems(state, KEYS[action])
 
 
-def locked(state: StationState, moving: str, armed: str) -> Problem | None:
+def find_job_lock(state: StationState, moving: str, armed: str) -> Problem | None:
     """Return why the job cannot be changed now, one of two codes; None when it can."""
     if state.moving:
         return Problem(code=moving)

@@ -10,12 +10,12 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest
+from drivers.commissioning.configuration import AxisEntry, ControllerConfiguration, TableEntry, digest
 from drivers.commissioning.reading import highest_of, read_value_line, value_lines
-from drivers.commissioning.setting_names import named
+from drivers.commissioning.setting_names import name_setting
 from drivers.commissioning.user_buffer import UserBufferLines, definition, title, word_lines
 from drivers.pmac.compensation.table_text import entry_lines
-from drivers.pmac.dialect import DIALECTS, Dialect, Scope
+from drivers.pmac.dialect import DIALECTS, Dialect, SettingScope
 from drivers.pmac.execution.kinematics import FORWARD, INVERSE
 from drivers.pmac.language.text import format_number
 from profiles.files import printable
@@ -47,7 +47,7 @@ _HEADER = ("family", "type", "version", "date", "sha256")
 _TYPED = re.compile(r'(?:[^";]|"[^"]*"?)*')
 
 
-def backup_text(configuration: Configuration, date: str) -> str:
+def backup_text(configuration: ControllerConfiguration, date: str) -> str:
     """Return the text of a backup; `date` is copied as given."""
     body = list(_body(configuration))
     header = {
@@ -61,7 +61,7 @@ def backup_text(configuration: Configuration, date: str) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _body(configuration: Configuration) -> Iterator[str]:
+def _body(configuration: ControllerConfiguration) -> Iterator[str]:
     dialect = configuration.dialect
     yield _WITHOUT_VALUES if configuration.values is None else _WITH_VALUES
     yield from LEFT_OUT
@@ -90,7 +90,7 @@ def _body(configuration: Configuration) -> Iterator[str]:
         yield from value_lines(configuration.values, dialect, configuration.pointers)
 
 
-def _storage(configuration: Configuration) -> Iterator[str]:
+def _storage(configuration: ControllerConfiguration) -> Iterator[str]:
     """Delete all tables from the lowest motor up, then define them from the highest one down, as they need.
 
     The user buffer lies above all of them at the end of memory: it is defined between.
@@ -101,7 +101,7 @@ def _storage(configuration: Configuration) -> Iterator[str]:
     if words is None and not configuration.entries:
         return
     yield DELETE_GATHER
-    yield from (f"#{motor}DELETE COMP" for motor in configuration.dialect.numbers(Scope.MOTOR))
+    yield from (f"#{motor}DELETE COMP" for motor in configuration.dialect.numbers(SettingScope.MOTOR))
     if place is not None and words is not None:
         yield definition(len(place))
         yield from word_lines(place, words)
@@ -141,7 +141,7 @@ def _setting_lines(settings: Mapping[int, float], dialect: Dialect) -> Iterator[
 
 def is_no_limit(index: int, value: float, dialect: Dialect) -> bool:
     """Whether a setting is a limit that is 0, which is none."""
-    return value == 0.0 and named(index, dialect).name.key in LIMITS_OFF_AT_ZERO
+    return value == 0.0 and name_setting(index, dialect).name.key in LIMITS_OFF_AT_ZERO
 
 
 def setting_text(index: int, value: float, dialect: Dialect) -> str:
@@ -171,7 +171,7 @@ def _title(index: int, dialect: Dialect) -> str:
     return f"; I{100 * block} to I{100 * block + 99}"
 
 
-def _conversion(configuration: Configuration) -> Iterator[str]:
+def _conversion(configuration: ControllerConfiguration) -> Iterator[str]:
     words, first = configuration.conversion, configuration.dialect.conversion_table.first_address
     if not words:
         return
@@ -190,7 +190,7 @@ def _buffers(kind: str, buffers: Mapping[int, tuple[str, ...]]) -> Iterator[str]
 class Backup:
     """A configuration with the date of its header."""
 
-    configuration: Configuration
+    configuration: ControllerConfiguration
     date: str
 
 
@@ -212,7 +212,7 @@ def read_backup(text: str, where: str) -> Backup:
         raise ProfileError(Problem(code="controller.no_backup", where=where, limit=TITLE))
     if digest(body) != header["sha256"]:
         raise ProfileError(Problem(code="controller.backup_changed", where=where, limit=header["sha256"][:12]))
-    gathered = _Gathered(DIALECTS[header["family"]])
+    gathered = _BackupContent(DIALECTS[header["family"]])
     for number, line in enumerate(body, start=end + 2):
         _refuse_above(len(line), MOST_CHARACTERS, "characters", f"{where}:{number}")
         try:
@@ -222,7 +222,7 @@ def read_backup(text: str, where: str) -> Backup:
             raise ProfileError(Problem(code="controller.backup_line", where=where, value=value)) from error
         _refuse_above(gathered.highest, gathered.dialect.highest_index, "I, M", f"{where}:{number}")
         _refuse_above(len(gathered.conversion), MOST_WORDS, "WY", f"{where}:{number}")
-    if not gathered.user_buffer.whole:
+    if not gathered.user_buffer.is_complete:
         raise ProfileError(Problem(code="controller.backup_line", where=where, value=f"{len(lines)}: W"))
     return Backup(configuration=gathered.configuration(header), date=header["date"])
 
@@ -234,7 +234,7 @@ def _refuse_above(actual: int, most: int, unit: str, where: str) -> None:
 
 
 @dataclass
-class _Gathered:
+class _BackupContent:
     """The content of the lines so far. A line `I0..N=` costs memory per entry: none above the highest is kept."""
 
     dialect: Dialect
@@ -304,9 +304,9 @@ class _Gathered:
             self.highest = max(self.highest, highest_of(named[0]))
             self.values[named[0]] = named[1]
 
-    def configuration(self, header: dict[str, str]) -> Configuration:
+    def configuration(self, header: dict[str, str]) -> ControllerConfiguration:
         """Return the complete configuration."""
-        return Configuration(
+        return ControllerConfiguration(
             family=header["family"],
             kind=header["type"],
             version=header["version"],
@@ -328,9 +328,9 @@ class _Gathered:
 
 
 # The lines of a backup: the first pattern that fits reads it. Only a host needs those that nothing reads.
-_LINES: tuple[tuple[str, Callable[[_Gathered, re.Match[str]], object]], ...] = (
-    (r"I(\d+)(?:\.\.(\d+))?=(-?[\d.]+|\$[0-9A-F]+)(?: ; no limit)?", _Gathered.take_setting),
-    (r"M(\d+)(\.\.\d+)?->(.+)", _Gathered.take_pointer),
+_LINES: tuple[tuple[str, Callable[[_BackupContent, re.Match[str]], object]], ...] = (
+    (r"I(\d+)(?:\.\.(\d+))?=(-?[\d.]+|\$[0-9A-F]+)(?: ; no limit)?", _BackupContent.take_setting),
+    (r"M(\d+)(\.\.\d+)?->(.+)", _BackupContent.take_pointer),
     (r"&(\d+)#(\d+)->(.+)", lambda to, at: to.axes.update({int(at[2]): AxisEntry(int(at[1]), at[3])})),
     (
         r"WY:\$[0-9A-F]+,([$0-9A-F,]+)",
@@ -345,9 +345,9 @@ _LINES: tuple[tuple[str, Callable[[_Gathered, re.Match[str]], object]], ...] = (
         r"; no program under (\d{1,5}(?:, \d{1,5})*)",
         lambda to, at: to.no_programs.extend(map(int, at[1].split(", "))),
     ),
-    (r"OPEN (PLC|PROG)(\d+)", _Gathered.begin_text),
-    (rf"&(\d+)OPEN ({INVERSE}|{FORWARD})", _Gathered.begin_kinematics),
-    (r"#(\d+)DEFINE COMP (\S+)", _Gathered.begin_table),
+    (r"OPEN (PLC|PROG)(\d+)", _BackupContent.begin_text),
+    (rf"&(\d+)OPEN ({INVERSE}|{FORWARD})", _BackupContent.begin_kinematics),
+    (r"#(\d+)DEFINE COMP (\S+)", _BackupContent.begin_table),
     (r"-?\d+(?: -?\d+)*", lambda to, at: to.table.extend(map(int, at[0].split()))),
     (rf"|;.*|{UNDEFINE}|{DELETE_GATHER}|#\d+(?:DELETE COMP)?", lambda to, at: None),
 )

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from drivers.commissioning.check import Check, Group, severity
-from drivers.commissioning.judged import Judged
+from drivers.commissioning.checked_configuration import CheckedConfiguration
 from drivers.commissioning.reading import out_of_step
 from drivers.controller import Controller
-from drivers.pmac.dialect import Dialect, Scope
+from drivers.pmac.dialect import Dialect, SettingScope
 from drivers.pmac.heartbeat.arming import activity_name
 from drivers.pmac.reserved import HEARTBEAT_PLC, LOST
 from drivers.pmac.status import BitTable, decode
@@ -44,7 +44,7 @@ class CardState:
         return tuple(number for number, flags in self.systems.items() if "running_program" in flags)
 
     @property
-    def enabled(self) -> tuple[int, ...]:
+    def enabled_motors(self) -> tuple[int, ...]:
         """The motors whose amplifiers are enabled."""
         return tuple(number for number, flags in self.motors.items() if "amplifier_enabled" in flags)
 
@@ -52,7 +52,7 @@ class CardState:
 def read_state(client: Controller, dialect: Dialect) -> CardState:
     """Query the status of the controller, of every system and of every motor; raises LinkError."""
     (card,) = _flags(client, ["???"], dialect.global_bits)
-    systems, motors = list(dialect.numbers(Scope.SYSTEM)), list(dialect.numbers(Scope.MOTOR))
+    systems, motors = list(dialect.numbers(SettingScope.SYSTEM)), list(dialect.numbers(SettingScope.MOTOR))
     of_systems = _flags(client, [f"&{number}??" for number in systems], dialect.system_bits)
     of_motors = _flags(client, [f"#{number}?" for number in motors], dialect.motor_bits)
     (lost,) = client.numbers(f"P{LOST}", again=True)
@@ -64,7 +64,7 @@ def read_state(client: Controller, dialect: Dialect) -> CardState:
     )
 
 
-def state_checks(state: CardState, judged: Judged) -> list[Check]:
+def state_checks(state: CardState, judged: CheckedConfiguration) -> list[Check]:
     """Return the checks of this state before anything moves."""
     checks = [
         _check(Group.CARD, "card_faults", (name for name in CARD_FAULTS if name in state.card)),
@@ -77,7 +77,7 @@ def state_checks(state: CardState, judged: Judged) -> list[Check]:
         flags = state.motors.get(axis.motor, frozenset())
         faults = (name for name in MOTOR_FAULTS if name in flags)
         checks.append(_check(axis.group, "motor_faults", faults, axis.name))
-    enabled = [f"#{number}" for number in state.enabled]
+    enabled = [f"#{number}" for number in state.enabled_motors]
     code = "drives_on" if enabled else "drives_off"
     checks.append(Check(Group.STOPS, code, Severity.NOTICE, found=", ".join(enabled)))
     if "gathering" in state.card:

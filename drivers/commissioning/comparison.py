@@ -9,14 +9,19 @@ from typing import TypeVar
 
 from drivers.commissioning.backup import setting_text
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.configuration import Configuration
-from drivers.commissioning.judged import Judged, amount, same, stated_settings_of
+from drivers.commissioning.checked_configuration import (
+    CheckedConfiguration,
+    amount,
+    is_same_number,
+    stated_settings_of,
+)
+from drivers.commissioning.configuration import ControllerConfiguration
 from drivers.commissioning.reading import read_settings
-from drivers.commissioning.setting_names import named
+from drivers.commissioning.setting_names import name_setting
 from drivers.controller import Controller
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.buffer_text import BufferKind, same_line
-from drivers.pmac.dialect import Dialect, Scope
+from drivers.pmac.dialect import Dialect, SettingScope
 from drivers.pmac.language.text import format_number
 from profiles.findings import Severity
 from profiles.machine import MachineProfile
@@ -37,7 +42,9 @@ def profile_problems(
     definitions = read_definitions(wanted.controller.axis_definitions)
     problems = list(setting_problems(client, stated))
     found = client.query(*(f"&1#{each.motor}->" for each in definitions), again=True)
-    others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in motors]
+    others = [
+        dialect.motor_index(motor, 0) for motor in dialect.numbers(SettingScope.MOTOR) if motor not in motors
+    ]
     active = {index: value for index, value in read_settings(client, others).items() if value != 0.0}
     for each, text in zip(definitions, found, strict=True):
         if text.strip() != str(each):
@@ -59,20 +66,20 @@ def setting_problems(client: Controller, stated: Mapping[int, float]) -> tuple[P
             limit=format_number(stated[index]),
         )
         for index, value in read_settings(client, stated).items()
-        if not same(value, stated[index])
+        if not is_same_number(value, stated[index])
     )
 
 
-def stated_settings(judged: Judged) -> list[Check]:
+def stated_settings(judged: CheckedConfiguration) -> list[Check]:
     """Return each setting that differs from the profile, and one line for each group that does not."""
     checks: list[Check] = []
     held: Counter[tuple[Group, str]] = Counter()
-    for index, wanted in judged.wanted.items():
-        of, found = named(index, judged.dialect), judged.value(index)
-        if found is not None and same(found, wanted):
+    for index, wanted in judged.stated_settings.items():
+        of, found = name_setting(index, judged.dialect), judged.value(index)
+        if found is not None and is_same_number(found, wanted):
             held[judged.place_of(of)] += 1
             continue
-        factory = found is not None and same(found, judged.dialect.factory.get(index, 0.0))
+        factory = found is not None and is_same_number(found, judged.dialect.factory.get(index, 0.0))
         code = "factory" if factory else "differs"
         checks.append(judged.about(code, Severity.REFUSAL, index, wanted=amount(wanted, of, judged.machine)))
     for (group, subject), count in held.items():
@@ -81,7 +88,9 @@ def stated_settings(judged: Judged) -> list[Check]:
     return checks
 
 
-def differences(before: Configuration, now: Configuration, machine: MachineProfile) -> list[Check]:
+def differences(
+    before: ControllerConfiguration, now: ControllerConfiguration, machine: MachineProfile
+) -> list[Check]:
     """Return what differs in `now` from `before`; what ordinary work changes is left out."""
     both, first = (before, now), now.dialect.conversion_table.first_address
     cards = ({"TYPE": each.kind, "VERSION": each.version} for each in both)
@@ -99,22 +108,24 @@ def differences(before: Configuration, now: Configuration, machine: MachineProfi
         *_entries("#{} COMP", Group.PROGRAMS, *tables),
         *_entries("Y:${:X}", Group.CARD, *words),
         *(() if None in (before.user_buffer, now.user_buffer) else _entries("{}", Group.PROGRAMS, *sizes)),
-        *(() if now.misplaced_buffer is None else [_misplaced(now.misplaced_buffer)]),
+        *(() if now.misplaced_buffer is None else [_misplaced_check(now.misplaced_buffer)]),
     ]
 
 
-def _misplaced(problem: Problem) -> Check:
+def _misplaced_check(problem: Problem) -> Check:
     found, wanted, code = problem.value, problem.limit, "user_buffer_misplaced"
     return Check(Group.PROGRAMS, code, Severity.REFUSAL, variable=problem.key, found=found, wanted=wanted)
 
 
-def _settings(before: Configuration, now: Configuration, machine: MachineProfile) -> Iterator[Check]:
-    judged = Judged(configuration=now, machine=machine)
+def _settings(
+    before: ControllerConfiguration, now: ControllerConfiguration, machine: MachineProfile
+) -> Iterator[Check]:
+    judged = CheckedConfiguration(configuration=now, machine=machine)
     for index in sorted(before.standing.keys() | now.standing.keys()):
         old, new = before.standing.get(index), now.standing.get(index)
-        if old is not None and new is not None and same(old, new):
+        if old is not None and new is not None and is_same_number(old, new):
             continue
-        wanted = "-" if old is None else amount(old, named(index, now.dialect), machine)
+        wanted = "-" if old is None else amount(old, name_setting(index, now.dialect), machine)
         typed = "" if old is None else f"I{index}={setting_text(index, old, now.dialect)}"
         yield judged.about("setting_changed", Severity.REFUSAL, index, wanted=wanted, facts={"typed": typed})
 
@@ -123,7 +134,7 @@ def _entries(form: str, group: Group, before: Mapping[_Key, str], now: Mapping[_
     for key in sorted(before.keys() | now.keys()):
         old, new = before.get(key, "-"), now.get(key, "-")
         if old != new:
-            yield changed(group, form.format(key), new, old)
+            yield changed_check(group, form.format(key), new, old)
 
 
 def buffer_changes(
@@ -135,11 +146,11 @@ def buffer_changes(
             zip_longest(before.get(number, ()), now.get(number, ()), fillvalue="-"), start=1
         ):
             if not same_line(kind, new, old):
-                yield changed(Group.PROGRAMS, f"{kind.called(number)}:{line}", new, old)
+                yield changed_check(Group.PROGRAMS, f"{kind.buffer_name(number)}:{line}", new, old)
                 break
 
 
-def changed(group: Group, what: str, found: str, wanted: str) -> Check:
+def changed_check(group: Group, what: str, found: str, wanted: str) -> Check:
     """Return the check of one entry that differs, by its name."""
     facts = {"what_changed": what}
     return Check(group, "changed", Severity.REFUSAL, facts=facts, found=found, wanted=wanted)

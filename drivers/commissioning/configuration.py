@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from drivers.commissioning.user_buffer import UserWords
-from drivers.pmac.dialect import DIALECTS, Dialect, Scope
+from drivers.pmac.dialect import DIALECTS, Dialect, SettingScope
 from drivers.pmac.variables import MODAL_NUMBERS
 from profiles.problem import Problem
 
@@ -36,7 +36,7 @@ class TableEntry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Configuration:
+class ControllerConfiguration:
     """What was read from one controller; mappings are by number.
 
     `pointers` are the M-variables with a definition. `conversion` are the set-up words of the encoder
@@ -105,14 +105,14 @@ def passing_settings(dialect: Dialect) -> frozenset[int]:
     gather = dialect.gathering
     passing = {gather.period, *gather.masks}
     passing |= set(range(gather.first_source, gather.first_source + gather.source_count))
-    for system in dialect.numbers(Scope.SYSTEM):
+    for system in dialect.numbers(SettingScope.SYSTEM):
         passing |= {dialect.system_index(system, number) for number in MODAL_NUMBERS}
     return fleeting_settings(dialect) | passing
 
 
 def fleeting_settings(dialect: Dialect) -> frozenset[int]:
     """Return the settings that are not part of a configuration: the host's own, timers, what only reports."""
-    systems = dialect.numbers(Scope.SYSTEM)
+    systems = dialect.numbers(SettingScope.SYSTEM)
     timers = {dialect.system_index(system, number) for system in systems for number in dialect.timer_numbers}
     reported = () if dialect.user_buffer is None else (dialect.user_buffer.setting,)
     return frozenset({*HOST_SETTINGS, *timers, *(each for each in reported if each is not None)})

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 
 from drivers.commissioning.downloading import sendable
-from drivers.pmac.buffer_text import BufferKind, SourceText, TextBuffer, stored
+from drivers.pmac.buffer_text import BufferKind, SourceText, TextBuffer, store_line
 from drivers.pmac.client import LINE_LIMIT
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.heartbeat.watchdog import RUNNING, TOOL_HOMED, wait_timer, watchdog_timer
@@ -44,19 +44,19 @@ class OwnVariables:
             own[timer.name[0]].add(int(timer.name[1:]))
         self._own: Mapping[str, set[int]] = own
 
-    def written(self, kind: BufferKind, text: str) -> tuple[str, ...]:
+    def find_written(self, kind: BufferKind, text: str) -> tuple[str, ...]:
         """Return those that a line of a buffer writes, by names such as `P1000`; none of a bad line."""
         found = set[tuple[str, int]]()
         with suppress(PmacError):
-            for _, statements in stored(kind, text):
+            for _, statements in store_line(kind, text):
                 for statement in statements:
-                    found.update(self._written(statement))
+                    found.update(self._find_written(statement))
         return tuple(f"{letter}{number}" for letter, number in sorted(found) if number in self._own[letter])
 
-    def _written(self, statement: syntax.Statement | syntax.PlcStatement) -> Iterator[tuple[str, int]]:
+    def _find_written(self, statement: syntax.Statement | syntax.PlcStatement) -> Iterator[tuple[str, int]]:
         if isinstance(statement, syntax.Assign) and statement.target.kind.value in self._own:
             with suppress(_ComputedError, PmacError):
-                yield statement.target.kind.value, int(evaluate(statement.target.index, _Unknown()))
+                yield statement.target.kind.value, int(evaluate(statement.target.index, _UnknownItem()))
         elif isinstance(statement, syntax.Message) and statement.word == "CMD":
             for written in _WRITTEN.finditer(statement.text):
                 with suppress(_ComputedError, PmacError):
@@ -81,16 +81,16 @@ def _number(text: str | None) -> int | None:
     """Return a number of an on-line command, read as a program reads that of a variable."""
     if text is None:
         return None
-    ((_, (statement,)),) = stored(BufferKind.PROGRAM, f"P({text.strip('()')})=0")
+    ((_, (statement,)),) = store_line(BufferKind.PROGRAM, f"P({text.strip('()')})=0")
     assert isinstance(statement, syntax.Assign)
-    return int(evaluate(statement.target.index, _Unknown()))
+    return int(evaluate(statement.target.index, _UnknownItem()))
 
 
 class _ComputedError(Exception):
     """A number that depends on a variable."""
 
 
-class _Unknown:
+class _UnknownItem:
     def get(self, kind: VariableKind, index: int) -> float:
         raise _ComputedError
 
@@ -100,7 +100,7 @@ def refusals(source: SourceText, where: str, family: str) -> tuple[Problem, ...]
     if not source.buffers and not source.outside:
         return (Problem(code="download.nothing", where=where),)
     outside = (
-        Problem(code="download.outside", where=where, key=line.place.named, value=printable(line.text, SHOWN))
+        Problem(code="download.outside", where=where, key=line.place.line_name, value=printable(line.text, SHOWN))
         for line in source.outside
     )
     return (*outside, *_of_buffers(source.buffers, where, OwnVariables(DIALECTS[family])))
@@ -111,12 +111,12 @@ def _of_buffers(buffers: Iterable[TextBuffer], where: str, own: OwnVariables) ->
     for buffer in buffers:
         code = _opened_wrongly(buffer, seen)
         if code is not None:
-            yield Problem(code=code, where=where, key=buffer.place.named, value=buffer.name)
+            yield Problem(code=code, where=where, key=buffer.place.line_name, value=buffer.name)
         seen.add(buffer.name)
         yield from _unsendable(buffer, where)
         for line in buffer.lines:
-            if written := own.written(buffer.kind, line.text):
-                key, value = line.place.named, ", ".join(written)
+            if written := own.find_written(buffer.kind, line.text):
+                key, value = line.place.line_name, ", ".join(written)
                 yield Problem(code="download.own_variables", where=where, key=key, value=value)
 
 
@@ -142,7 +142,7 @@ def _unsendable(buffer: TextBuffer, where: str) -> Iterator[Problem]:
             code = "download.characters"
         if code is not None:
             value = printable(line.text, SHOWN)
-            yield Problem(code=code, where=where, key=line.place.named, value=value, limit=str(LINE_LIMIT))
+            yield Problem(code=code, where=where, key=line.place.line_name, value=value, limit=str(LINE_LIMIT))
 
 
 def badly_formed(buffers: Iterable[TextBuffer], where: str) -> Iterator[Problem]:
@@ -154,7 +154,7 @@ def badly_formed(buffers: Iterable[TextBuffer], where: str) -> Iterator[Problem]
         try:
             _link(buffer)
         except PmacError as error:
-            key = buffer.place.named
+            key = buffer.place.line_name
             yield Problem(code="download.structure", where=where, key=key, value=buffer.name, limit=str(error))
 
 

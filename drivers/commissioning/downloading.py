@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.comparison import changed
+from drivers.commissioning.comparison import changed_check
 from drivers.commissioning.reading import LISTING_TIMEOUT_S, listed_lines, refuse_open_buffer
 from drivers.commissioning.restoring import Seen, refuse_busy, send_counted
 from drivers.controller import Controller
@@ -18,7 +18,7 @@ from drivers.errors import DriverError, RefusedError
 from drivers.pmac.buffer_text import BufferKind, TextBuffer, TextLine, same_line
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.listing import END
-from drivers.pmac.preprocessor import Place
+from drivers.pmac.preprocessor import LineNumber
 from profiles.problem import Problem
 
 PERMISSION, FOREGROUND, BACKGROUND = "I5", 1, 2
@@ -26,7 +26,7 @@ PERMISSION, FOREGROUND, BACKGROUND = "I5", 1, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class BufferChange:
     """A buffer of the file: `wanted` as the controller lists it, `before` what it lists now (None: not there)."""
 
     buffer: TextBuffer
@@ -44,11 +44,11 @@ class SentLine:
     """A line to send; `source` is its place in the file, None for OPEN, CLEAR and CLOSE."""
 
     text: str
-    source: Place | None = None
+    source: LineNumber | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Left:
+class FailedDownload:
     """What the buffers hold after a sending that has failed, by their names; `asked` is whether they were read."""
 
     as_file: tuple[str, ...]
@@ -57,7 +57,7 @@ class Left:
     asked: bool
 
 
-def planned(client: Controller, dialect: Dialect, buffers: Iterable[TextBuffer]) -> tuple[Change, ...]:
+def plan_download(client: Controller, dialect: Dialect, buffers: Iterable[TextBuffer]) -> tuple[BufferChange, ...]:
     """Read what the controller has in the place of these buffers; nothing is written.
 
     Raises RefusedError: as `refuse_busy`; `controller.entering`; `controller.restore_locked`.
@@ -66,7 +66,7 @@ def planned(client: Controller, dialect: Dialect, buffers: Iterable[TextBuffer])
     refuse_open_buffer(client, dialect)
     locked = list[str]()
     found = tuple(
-        Change(buffer=each, wanted=each.listing(), before=_read(client, each, locked)) for each in buffers
+        BufferChange(buffer=each, wanted=each.listing(), before=_read(client, each, locked)) for each in buffers
     )
     if locked:
         where = client.link.address
@@ -74,7 +74,7 @@ def planned(client: Controller, dialect: Dialect, buffers: Iterable[TextBuffer])
     return found
 
 
-def may_run(client: Controller, changes: Iterable[Change]) -> tuple[str, ...]:
+def may_run(client: Controller, changes: Iterable[BufferChange]) -> tuple[str, ...]:
     """Return the PLCs that may be running now: they have text, and I5 lets them run.
 
     Whether one is enabled cannot be asked.
@@ -88,7 +88,7 @@ def may_run(client: Controller, changes: Iterable[Change]) -> tuple[str, ...]:
     )
 
 
-def sent_lines(changes: Sequence[Change]) -> tuple[SentLine, ...]:
+def sent_lines(changes: Sequence[BufferChange]) -> tuple[SentLine, ...]:
     """Return the lines of the buffers that differ. PLCs are disabled first: none may run while it is replaced."""
     lines = list[SentLine]()
     plcs = [each.buffer.number for each in changes if each.buffer.kind is BufferKind.PLC and each.differs]
@@ -96,13 +96,13 @@ def sent_lines(changes: Sequence[Change]) -> tuple[SentLine, ...]:
         lines.append(SentLine(f"DISABLE PLC {','.join(map(str, plcs))}"))
     for change in changes:
         if change.differs:
-            lines += _whole(change.buffer)
+            lines += _buffer_lines(change.buffer)
     if any(line.text.startswith("&") for line in lines):
         lines.append(SentLine("&1"))
     return tuple(lines)
 
 
-def _whole(buffer: TextBuffer) -> list[SentLine]:
+def _buffer_lines(buffer: TextBuffer) -> list[SentLine]:
     body = [SentLine(sendable(line.text), line.place) for line in buffer.lines]
     return [SentLine(buffer.opening), SentLine("CLEAR"), *body, SentLine("CLOSE")]
 
@@ -114,7 +114,7 @@ def sendable(text: str) -> str:
     return '"'.join(pieces)
 
 
-def send(client: Controller, dialect: Dialect, changes: Sequence[Change], where: str, seen: Seen) -> None:
+def send(client: Controller, dialect: Dialect, changes: Sequence[BufferChange], where: str, seen: Seen) -> None:
     """Send what differs, each line once; `where` is the file. Nothing is saved, and no PLC enabled.
 
     Raises:
@@ -134,14 +134,14 @@ def send(client: Controller, dialect: Dialect, changes: Sequence[Change], where:
         send_counted(client, tuple(line.text for line in lines), counted)
     except DriverError as error:
         source = lines[sent].source if sent < len(lines) else None
-        place = () if source is None else (Problem(code="download.line", where=where, key=source.named),)
+        place = () if source is None else (Problem(code="download.line", where=where, key=source.line_name),)
         state = _left_problem(left_after(client, changes, sent), client.link.address)
         raise DriverError(*error.problems, *place, state) from error
 
 
-def left_after(client: Controller, changes: Sequence[Change], sent: int) -> Left:
+def left_after(client: Controller, changes: Sequence[BufferChange], sent: int) -> FailedDownload:
     """Return what the buffers hold after `sent` lines were acknowledged: as read, or as far as that is known."""
-    judge: Callable[[Change, int], str]
+    judge: Callable[[BufferChange, int], str]
     try:
         found = {each.buffer.name: _read(client, each.buffer, []) for each in changes}
     except DriverError:
@@ -153,29 +153,29 @@ def left_after(client: Controller, changes: Sequence[Change], sent: int) -> Left
     for change in changes:
         kinds[judge(change, sent - ends)].append(change.buffer.name)
         ends += len(change.buffer.lines) + 3 if change.differs else 0
-    return Left(asked=asked, **{kind: tuple(names) for kind, names in kinds.items()})
+    return FailedDownload(asked=asked, **{kind: tuple(names) for kind, names in kinds.items()})
 
 
-def _by_listing(change: Change, found: tuple[str, ...] | None) -> str:
+def _by_listing(change: BufferChange, found: tuple[str, ...] | None) -> str:
     if _first_difference(change, found) is None:
         return "as_file"
     return "as_before" if found == change.before else "in_part"
 
 
-def _by_count(change: Change, done: int) -> str:
+def _by_count(change: BufferChange, done: int) -> str:
     """Judge by the acknowledged lines of a buffer: OPEN changes no line, CLEAR may have been carried out."""
     if not change.differs or done >= len(change.buffer.lines) + 3:
         return "as_file"
     return "in_part" if done > 0 else "as_before"
 
 
-def _left_problem(left: Left, where: str) -> Problem:
+def _left_problem(left: FailedDownload, where: str) -> Problem:
     code = "download.left" if left.asked else "download.left_unread"
     file, part, before = (", ".join(names) or "-" for names in (left.as_file, left.in_part, left.as_before))
     return Problem(code=code, where=where, key=part, value=file, limit=before)
 
 
-def differing(client: Controller, changes: Iterable[Change]) -> list[Check]:
+def differing(client: Controller, changes: Iterable[BufferChange]) -> list[Check]:
     """List each buffer again, and return the first line of each that is not as in the file."""
     checks = list[Check]()
     for change in changes:
@@ -185,11 +185,11 @@ def differing(client: Controller, changes: Iterable[Change]) -> list[Check]:
         difference = _first_difference(change, found)
         if difference is not None:
             line, actual, wanted = difference
-            checks.append(changed(Group.PROGRAMS, f"{change.buffer.name}:{line}", actual, wanted))
+            checks.append(changed_check(Group.PROGRAMS, f"{change.buffer.name}:{line}", actual, wanted))
     return checks
 
 
-def _first_difference(change: Change, found: Sequence[str] | None) -> tuple[int, str, str] | None:
+def _first_difference(change: BufferChange, found: Sequence[str] | None) -> tuple[int, str, str] | None:
     """Return the first line, from 1, that differs, with what was found and what is wanted."""
     wanted = [line.text for line in change.wanted]
     if found is None:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from drivers.commissioning.configuration import Configuration, digest
-from drivers.commissioning.judged import amount, same
+from drivers.commissioning.checked_configuration import amount, is_same_number
+from drivers.commissioning.configuration import ControllerConfiguration, digest
 from drivers.commissioning.reading import PROGRAM_NUMBERS, of_motors, read_configuration
-from drivers.commissioning.setting_names import named
+from drivers.commissioning.setting_names import name_setting
 from drivers.controller import Controller
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Dialect
@@ -25,14 +25,14 @@ SHOWN = 12  # digits of a hash that are shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fingerprint:
+class ControllerFingerprint:
     """What was read from one controller for one machine; `free` is its reported free memory (SIZE)."""
 
     machine: MachineProfile
-    configuration: Configuration
+    configuration: ControllerConfiguration
     free: str
 
-    def as_defined(self, definitions: Collection[str]) -> Fingerprint:
+    def as_defined(self, definitions: Collection[str]) -> ControllerFingerprint:
         """Return the fingerprint with only these axis definitions of the profile: a program removes the others."""
         taken = set(self.machine.controller.axis_definitions) - set(definitions)
         gone = {each.motor for each in read_definitions(taken)}
@@ -60,8 +60,8 @@ class Fingerprint:
         )
 
 
-def ours(machine: MachineProfile, dialect: Dialect) -> frozenset[str]:
-    """Return what the console itself writes, by the names of `Fingerprint.facts`, settings as I-variables.
+def console_facts(machine: MachineProfile, dialect: Dialect) -> frozenset[str]:
+    """Return what the console itself writes, as named in `ControllerFingerprint.facts`; settings as I-variables.
 
     These are its programs, its heartbeat, the table of a cam cut, and the two lines of the conversion table that a
     cut on the spindle's time uses. TA, TS, F and what is gathered are never compared.
@@ -78,8 +78,8 @@ def ours(machine: MachineProfile, dialect: Dialect) -> frozenset[str]:
 
 
 def read_fingerprint(
-    client: Controller, machine: MachineProfile, dialect: Dialect, since: Fingerprint | None = None
-) -> Fingerprint:
+    client: Controller, machine: MachineProfile, dialect: Dialect, since: ControllerFingerprint | None = None
+) -> ControllerFingerprint:
     """Read what is compared before each cut; nothing is written.
 
     Finding the existing programs and tables takes longest. If the controller's free memory is the same as in
@@ -103,10 +103,12 @@ def read_fingerprint(
     if since is not None and known:
         hidden = tuple(name for name in since.configuration.locked if name.startswith("PROG"))
         read = replace(read, programs=since.configuration.programs, locked=(*read.locked, *hidden))
-    return Fingerprint(machine=machine, configuration=read, free=free)
+    return ControllerFingerprint(machine=machine, configuration=read, free=free)
 
 
-def fingerprint_problems(before: Fingerprint, after: Fingerprint, ours: frozenset[str]) -> tuple[Problem, ...]:
+def fingerprint_problems(
+    before: ControllerFingerprint, after: ControllerFingerprint, ours: frozenset[str]
+) -> tuple[Problem, ...]:
     """Return everything that another host has changed, by name, with its present and previous value."""
     problems = []
     settings = changed_settings(before.configuration, after.configuration, after.machine)
@@ -120,19 +122,19 @@ def fingerprint_problems(before: Fingerprint, after: Fingerprint, ours: frozense
 
 
 def changed_settings(
-    before: Configuration, after: Configuration, machine: MachineProfile
+    before: ControllerConfiguration, after: ControllerConfiguration, machine: MachineProfile
 ) -> Iterator[tuple[str, str, str]]:
     """Yield each setting that differs: its name, its value before and after."""
     old, new = before.standing, after.standing
     for index in sorted(old.keys() | new.keys()):
         values = old.get(index), new.get(index)
-        if values[0] is None or values[1] is None or not same(values[0], values[1]):
-            of = named(index, after.dialect)
+        if values[0] is None or values[1] is None or not is_same_number(values[0], values[1]):
+            of = name_setting(index, after.dialect)
             was, found = ("" if value is None else amount(value, of, machine) for value in values)
             yield f"I{index}", was, found
 
 
-def _facts(before: Fingerprint, after: Fingerprint) -> Iterator[tuple[str, str, str]]:
+def _facts(before: ControllerFingerprint, after: ControllerFingerprint) -> Iterator[tuple[str, str, str]]:
     for old, new in zip(before.facts, after.facts, strict=True):
         for name in sorted(old.keys() | new.keys(), key=lambda name: (len(name), name)):
             if old.get(name) != new.get(name):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from drivers.commissioning.card_state import read_state
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.judged import Judged, digits, same
+from drivers.commissioning.checked_configuration import CheckedConfiguration, digits, is_same_number
 from drivers.commissioning.reading import number_in
 from drivers.commissioning.setting_names import GAIN_NUMBERS
 from drivers.controller import Controller
@@ -49,13 +49,13 @@ class Write:
     found: str
 
 
-def gain_checks(judged: Judged) -> list[Check]:
+def gain_checks(judged: CheckedConfiguration) -> list[Check]:
     """Check that the profile's gains of the tool agree with each other, and what the controller's mean."""
     stated = stated_settings(judged.machine)
     meant: dict[str, float] = {**variables_from_gains(judged.machine, meant_gains(judged.machine))}
-    differing = [name for name, value in meant.items() if name in stated and not _near(stated[name], value)]
+    differing = [name for name, value in meant.items() if name in stated and not _is_near(stated[name], value)]
     filters = notch_settings(judged.machine, stated_notch(judged.machine))
-    differing += [name for name, value in filters.items() if not same(stated[name], value)]
+    differing += [name for name, value in filters.items() if not is_same_number(stated[name], value)]
     meant |= filters
     checks = _soft_loop(judged.machine)
     for name in differing:
@@ -67,7 +67,7 @@ def gain_checks(judged: Judged) -> list[Check]:
     return checks if running is None else [*checks, _meaning(running.at_rest)]
 
 
-def gain_writes(judged: Judged) -> tuple[Write, ...]:
+def gain_writes(judged: CheckedConfiguration) -> tuple[Write, ...]:
     """Return the lines that set gains and axis definitions as in the profile; none where they agree.
 
     Raises RefusedError: `controller.profile_gains`, the profile contradicts itself and cannot be trusted.
@@ -82,18 +82,18 @@ def gain_writes(judged: Judged) -> tuple[Write, ...]:
     return (*_gain_lines(judged), *_axis_lines(judged))
 
 
-def _gain_lines(judged: Judged) -> Iterator[Write]:
+def _gain_lines(judged: CheckedConfiguration) -> Iterator[Write]:
     """Set what the profile states."""
     for axis in judged.driven_axes:
         for number in GAIN_NUMBERS:
             index = judged.dialect.motor_index(axis.motor, number)
-            wanted, found = judged.wanted.get(index), judged.value(index)
-            if wanted is not None and found is not None and not same(wanted, found):
+            wanted, found = judged.stated_settings.get(index), judged.value(index)
+            if wanted is not None and found is not None and not is_same_number(wanted, found):
                 text, question = format_constant(wanted), f"I{index}"
                 yield Write(f"{question}={text}", question, text, format_constant(found))
 
 
-def _axis_lines(judged: Judged) -> Iterator[Write]:
+def _axis_lines(judged: CheckedConfiguration) -> Iterator[Write]:
     """Define the axes of the profile. Definitions that the profile does not have are left alone."""
     for definition in read_definitions(judged.machine.controller.axis_definitions):
         entry, wanted = judged.configuration.axes.get(definition.motor), str(definition)
@@ -105,7 +105,7 @@ def _axis_lines(judged: Judged) -> Iterator[Write]:
             yield Write(f"&1{question}{wanted}", question, wanted, found)
 
 
-def _gains_found(judged: Judged) -> PidGains | None:
+def _gains_found(judged: CheckedConfiguration) -> PidGains | None:
     machine, settings = judged.machine, judged.configuration.settings
     indices = (100 * machine.tool.motor + number for number in (8, 9, *GAIN_NUMBERS))
     variables = {f"I{index}": settings[index] for index in indices if index in settings}
@@ -134,7 +134,7 @@ def _soft_loop(machine: MachineProfile) -> list[Check]:
     return [Check(Group.TOOL, "soft_loop", Severity.WARNING, "tool", found=found, wanted=wanted)]
 
 
-def _near(first: float, second: float) -> bool:
+def _is_near(first: float, second: float) -> bool:
     return abs(first - second) <= max(1.0, ROUNDED * abs(second))
 
 
@@ -144,7 +144,7 @@ def refuse_unready(client: Controller, dialect: Dialect) -> None:
     Raises RefusedError: `controller.drives_on`, `controller.program_running`; LinkError: the link broke.
     """
     state = read_state(client, dialect)
-    motors = ", ".join(f"#{number}" for number in state.enabled)
+    motors = ", ".join(f"#{number}" for number in state.enabled_motors)
     systems = ", ".join(f"&{number}" for number in state.running)
     if motors or systems:
         code = "controller.drives_on" if motors else "controller.program_running"
@@ -180,4 +180,4 @@ def _is(found: str, wanted: str, where: str) -> bool:
         number = float(wanted)
     except ValueError:
         return False
-    return same(number_in(found, where), number)
+    return is_same_number(number_in(found, where), number)

@@ -13,12 +13,18 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest, fleeting_settings
+from drivers.commissioning.configuration import (
+    AxisEntry,
+    ControllerConfiguration,
+    TableEntry,
+    digest,
+    fleeting_settings,
+)
 from drivers.commissioning.user_buffer import BYTES_A_WORD, Seen, read_place, read_words
 from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError, RefusedError
 from drivers.pmac.buffer_text import BufferKind, in_full
-from drivers.pmac.dialect import Dialect, Scope
+from drivers.pmac.dialect import Dialect, SettingScope
 from drivers.pmac.expected_replies import number_of, replied_number
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.expressions import HIGHEST_PLC
@@ -84,7 +90,7 @@ def whole_card(dialect: Dialect, *, values: bool = False, programs: Iterable[int
     `programs` are looked for beside those under the usual numbers.
     """
     numbers = (range(dialect.highest_index + 1),)
-    motors = tuple(dialect.numbers(Scope.MOTOR))
+    motors = tuple(dialect.numbers(SettingScope.MOTOR))
     looked_for = tuple(sorted({*PROGRAM_NUMBERS, *programs}))
     return Extent(
         settings=numbers, pointers=numbers, motors=motors, programs=looked_for, values=values, user_buffer=True
@@ -97,7 +103,7 @@ def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] =
     `pointers` are the M-variables whose definitions matter. Axis definitions and Ix00 are those of every motor.
     """
     blocks = {0, *motors, dialect.system_index(1, 0) // 100}
-    every_motor = tuple(dialect.numbers(Scope.MOTOR))
+    every_motor = tuple(dialect.numbers(SettingScope.MOTOR))
     settings = [range(100 * block, 100 * block + 100) for block in sorted(blocks)]
     settings += [range(100 * each, 100 * each + 1) for each in every_motor if each not in blocks]
     first = dialect.conversion_table.first_setting
@@ -158,7 +164,7 @@ def _ranges(dialect: Dialect, pointers: Iterable[int]) -> Iterator[tuple[str, st
     yield "", "P", range(OWN_VARIABLES.start)
     if OWN_VARIABLES.stop < every:
         yield "", "P", range(OWN_VARIABLES.stop, every)
-    for system in dialect.numbers(Scope.SYSTEM):
+    for system in dialect.numbers(SettingScope.SYSTEM):
         yield f"&{system}", "Q", range(every)
     first = 0
     for pointer in (*sorted(pointers), every):
@@ -173,7 +179,7 @@ def expected_work(dialect: Dialect, extent: Extent) -> int:
     listings = len(extent.plcs) + len(extent.programs) + len(extent.table_motors)
     whole = work_done((settings + pointers) // NUMBERS_A_LINE + listings, settings + pointers)
     if extent.values:
-        values = (len(dialect.numbers(Scope.SYSTEM)) + 2) * (dialect.highest_index + 1)
+        values = (len(dialect.numbers(SettingScope.SYSTEM)) + 2) * (dialect.highest_index + 1)
         whole += work_done(values // VALUES_A_LINE, values)
     return whole
 
@@ -196,7 +202,7 @@ def requests_of_words(count: int) -> int:
 
 def read_configuration(
     client: Controller, dialect: Dialect, extent: Extent, seen_words: Seen = lambda done, of: None
-) -> Configuration:
+) -> ControllerConfiguration:
     """Read everything in `extent`, with PLCs, tables and the conversion table.
 
     The user buffer comes first, since only the controller knows its size: `seen_words` takes how far that is.
@@ -212,7 +218,7 @@ def read_configuration(
     pointers = dict(_pointers(client, extent.pointers))
     programs = dict(_listings(client, BufferKind.PROGRAM, extent.programs, LISTING_TIMEOUT_S, locked))
     further = set(extent.programs) - set(PROGRAM_NUMBERS) - programs.keys()
-    return Configuration(
+    return ControllerConfiguration(
         family=dialect.name,
         kind=kind,
         version=version,
@@ -369,7 +375,7 @@ def listed_lines(
     except ControllerError as error:
         if error.error_number != ErrorCode.PASSWORD:
             raise
-        locked.append(kind.called(number))
+        locked.append(kind.buffer_name(number))
         return None
     return None if lines is None else in_full(kind, without_end(each.strip() for each in lines))
 
@@ -378,7 +384,7 @@ def _kinematics(
     client: Controller, dialect: Dialect, locked: list[str]
 ) -> Iterator[tuple[tuple[int, str], tuple[str, ...]]]:
     """Yield the kinematic programs of each coordinate system that have text, in a family that has any."""
-    for system in dialect.numbers(Scope.SYSTEM) if dialect.kinematics is not None else ():
+    for system in dialect.numbers(SettingScope.SYSTEM) if dialect.kinematics is not None else ():
         for kind in (BufferKind.INVERSE, BufferKind.FORWARD):
             lines = listed_lines(client, kind, system, LISTING_TIMEOUT_S, locked)
             if lines:

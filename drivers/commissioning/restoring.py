@@ -12,8 +12,8 @@ from dataclasses import replace
 from drivers.commissioning.backup import DELETE_GATHER, NO_LIMIT, Backup, is_no_limit, typed_lines
 from drivers.commissioning.card_state import read_state
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.comparison import buffer_changes, changed, differences
-from drivers.commissioning.configuration import Configuration
+from drivers.commissioning.comparison import buffer_changes, changed_check, differences
+from drivers.commissioning.configuration import ControllerConfiguration
 from drivers.commissioning.gains import refuse_unready
 from drivers.commissioning.reading import order_of
 from drivers.commissioning.user_buffer import definition
@@ -33,7 +33,7 @@ Seen = Callable[[int, int], None]
 MOST_VALUES = 20  # differing values of P, Q and M that are named one by one
 
 
-def refuse_other_family(found: Configuration, dialect: Dialect, where: str) -> None:
+def refuse_other_family(found: ControllerConfiguration, dialect: Dialect, where: str) -> None:
     """Make sure that a backup is of this family. Raises RefusedError: `controller.backup_family`."""
     if found.family != dialect.name:
         code, value, limit = "controller.backup_family", found.family, dialect.name
@@ -62,7 +62,7 @@ def refuse_busy(client: Controller, dialect: Dialect) -> None:
         raise RefusedError(Problem(code="controller.gathering", where=client.link.address))
 
 
-def refuse_hidden(now: Configuration, where: str) -> None:
+def refuse_hidden(now: ControllerConfiguration, where: str) -> None:
     """Make sure that no password hides a program: it could be neither backed up nor replaced.
 
     Raises RefusedError: `controller.restore_locked`.
@@ -71,7 +71,7 @@ def refuse_hidden(now: Configuration, where: str) -> None:
         raise RefusedError(Problem(code="controller.restore_locked", where=where, value=", ".join(now.locked)))
 
 
-def refuse_other_memory(backup: Backup, now: Configuration, where: str) -> None:
+def refuse_other_memory(backup: Backup, now: ControllerConfiguration, where: str) -> None:
     """Make sure that the user buffer of the backup would lie at the same addresses in this controller.
 
     Raises RefusedError: `controller.user_buffer_end`.
@@ -82,7 +82,7 @@ def refuse_other_memory(backup: Backup, now: Configuration, where: str) -> None:
         raise RefusedError(Problem(code=code, where=where, value=value, limit=f"${wanted.stop - 1:X}"))
 
 
-def restore_lines(text: str, backup: Backup, now: Configuration) -> tuple[str, ...]:
+def restore_lines(text: str, backup: Backup, now: ControllerConfiguration) -> tuple[str, ...]:
     """Return the lines that bring a controller from the state `now` to that of a backup.
 
     A user buffer of the right size is not defined again: only its words are written.
@@ -93,7 +93,7 @@ def restore_lines(text: str, backup: Backup, now: Configuration) -> tuple[str, .
     return (*_removals(backup.configuration, now), *lines)
 
 
-def kept_limits(wanted: Configuration, now: Configuration) -> tuple[str, ...]:
+def kept_limits(wanted: ControllerConfiguration, now: ControllerConfiguration) -> tuple[str, ...]:
     """Return the limits that are 0 in the backup and that the controller therefore keeps."""
     dialect = now.dialect
     return tuple(
@@ -103,17 +103,17 @@ def kept_limits(wanted: Configuration, now: Configuration) -> tuple[str, ...]:
     )
 
 
-def _removals(wanted: Configuration, now: Configuration) -> Iterator[str]:
+def _removals(wanted: ControllerConfiguration, now: ControllerConfiguration) -> Iterator[str]:
     """Yield the lines that delete what the backup does not have; first they disable all PLCs: none may write."""
     yield f"DISABLE PLC 0..{HIGHEST_PLC}"
     for number in sorted(now.programs.keys() - wanted.programs.keys()):
-        yield from _emptied(f"OPEN PROG{number}")
+        yield from _erase_lines(f"OPEN PROG{number}")
     for number in sorted(now.plcs.keys() - wanted.plcs.keys()):
-        yield from _emptied(f"OPEN PLC{number}")
+        yield from _erase_lines(f"OPEN PLC{number}")
     if wanted.values is None:
         return  # such a backup has neither entries of tables nor kinematic programs
     for system, kind in sorted(now.kinematics.keys() - wanted.kinematics.keys()):
-        yield from _emptied(f"&{system}OPEN {kind}")
+        yield from _erase_lines(f"&{system}OPEN {kind}")
     unwanted = bool(now.user_buffer) and wanted.user_buffer is not None and not wanted.user_buffer
     if unwanted or (now.tables and not wanted.entries):
         yield DELETE_GATHER
@@ -123,7 +123,7 @@ def _removals(wanted: Configuration, now: Configuration) -> Iterator[str]:
     yield "&1#1"
 
 
-def _emptied(opening: str) -> tuple[str, str, str]:
+def _erase_lines(opening: str) -> tuple[str, str, str]:
     """Return the lines that erase a program, as the manuals do it (Software Reference, CLEAR)."""
     return (opening, "CLEAR", "CLOSE")
 
@@ -166,7 +166,9 @@ def send_counted(client: Controller, lines: tuple[str, ...], seen: Seen) -> None
     client.download(counted())
 
 
-def left_differing(wanted: Configuration, now: Configuration, machine: MachineProfile) -> list[Check]:
+def left_differing(
+    wanted: ControllerConfiguration, now: ControllerConfiguration, machine: MachineProfile
+) -> list[Check]:
     """Return what differs from the backup: all that `differences` compares, kinematic programs and values."""
     if wanted.user_buffer and wanted.user_words is None:
         wanted = replace(wanted, user_buffer=None)  # a backup without values does not define it
@@ -192,16 +194,16 @@ def _differing_values(before: Mapping[str, float], now: Mapping[str, float]) -> 
     for name in sorted(before.keys() | now.keys(), key=order_of):
         old, new = before.get(name, 0.0), now.get(name, 0.0)
         if old != new:
-            yield changed(Group.PROGRAMS, name, format_number(new), format_number(old))
+            yield changed_check(Group.PROGRAMS, name, format_number(new), format_number(old))
 
 
-def _differing_words(wanted: Configuration, now: Configuration) -> Iterator[Check]:
+def _differing_words(wanted: ControllerConfiguration, now: ControllerConfiguration) -> Iterator[Check]:
     """Yield the words of the user buffer that differ, where it has the same place."""
     if wanted.user_buffer != now.user_buffer or not wanted.user_buffer:
         return
     place, before, after = wanted.user_buffer, wanted.user_words, now.user_words
     if before is not None and after is not None and before != after:
-        old = before.named(place.start)
-        for name, new in after.named(place.start).items():
+        old = before.name_words(place.start)
+        for name, new in after.name_words(place.start).items():
             if old[name] != new:
-                yield changed(Group.PROGRAMS, name, new, old[name])
+                yield changed_check(Group.PROGRAMS, name, new, old[name])

@@ -6,10 +6,16 @@ import math
 from collections.abc import Iterator
 
 from drivers.commissioning.check import Check, Group, severity
-from drivers.commissioning.judged import Judged, JudgedAxis, digits, length, same
+from drivers.commissioning.checked_configuration import (
+    CheckedConfiguration,
+    JudgedAxis,
+    digits,
+    is_same_number,
+    length,
+)
 from drivers.commissioning.setting_names import GAIN_NUMBERS
 from drivers.pmac.axes import read_definitions
-from drivers.pmac.dialect import Scope, Setting
+from drivers.pmac.dialect import FamilySetting, SettingScope
 from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC, PLCS, WATCHDOG_TIMER
 from drivers.pmac.settings import PARTS_PER_COUNT, servo_cycle_ms
 from profiles.findings import Severity
@@ -32,24 +38,24 @@ CLOSES_AT_POWER_UP = 1  # bit of Ix80
 _SHOWN_NUMBERS = (2, 3, 4, 10, 24, 25, *GAIN_NUMBERS, 63, 67, *range(70, 84))
 
 
-def card_rules(judged: Judged) -> list[Check]:
+def card_rules(judged: CheckedConfiguration) -> list[Check]:
     """Return the checks of the controller, its coordinate system and its buffers."""
     of_card = (_family, _clocks, _permissions, _unexpected_motors)
     rules = (*of_card, _axes, _system, _conversion, _buffers, _pointers)
     return [check for rule in rules for check in rule(judged)]
 
 
-def _family(judged: Judged) -> Iterator[Check]:
+def _family(judged: CheckedConfiguration) -> Iterator[Check]:
     card, wanted = judged.configuration, judged.machine.controller.family
     found = f"{card.kind}, {card.version}"
     yield Check(Group.CARD, "family", severity(card.family == wanted), found=found, wanted=wanted)
 
 
-def _clocks(judged: Judged) -> Iterator[Check]:
+def _clocks(judged: CheckedConfiguration) -> Iterator[Check]:
     """Check the servo period and the real-time interrupt, on which all program times rest."""
     cycle_ms, wanted_ms = servo_cycle_ms(judged.value(10) or 0.0), judged.machine.controller.servo_period_ms
     facts, wanted = {"period": f"{cycle_ms * 1000.0:.3f} us"}, f"{wanted_ms * 1000.0:.3f} us"
-    yield judged.about("servo_time", severity(same(cycle_ms, wanted_ms)), 10, wanted, facts)
+    yield judged.about("servo_time", severity(is_same_number(cycle_ms, wanted_ms)), 10, wanted, facts)
     for number in _SHOWN_OF_CARD:
         if judged.value(number) is not None:
             yield judged.about("shown", Severity.NOTICE, number)
@@ -61,24 +67,24 @@ def _clocks(judged: Judged) -> Iterator[Check]:
         yield judged.about("watchdog", judgement, watchdog.number, wanted, facts)
 
 
-def _permissions(judged: Judged) -> Iterator[Check]:
+def _permissions(judged: CheckedConfiguration) -> Iterator[Check]:
     plcs = bool(int(judged.value(5) or 0.0) & BACKGROUND_PLCS)
     yield judged.about("plcs", severity(plcs, Severity.WARNING), 5, "2, 3")
     yield judged.about("compensation", severity(not judged.value(51)), 51, "0")
     if judged.value(15):
         yield judged.about("radians", Severity.REFUSAL, 15, "0")
-    index = judged.dialect.index(Setting.SEGMENT_MS, 1)
+    index = judged.dialect.index(FamilySetting.SEGMENT_MS, 1)
     yield judged.about("segments", severity(not judged.value(index)), index, "0 ms")
 
 
-def _unexpected_motors(judged: Judged) -> Iterator[Check]:
+def _unexpected_motors(judged: CheckedConfiguration) -> Iterator[Check]:
     ours, dialect = {axis.motor for axis in judged.axes}, judged.dialect
-    others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in ours]
+    others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(SettingScope.MOTOR) if motor not in ours]
     active = ", ".join(f"I{index}" for index in others if judged.value(index))
     yield Check(Group.CARD, "unexpected_motors", severity(not active), found=active or "0", wanted="0")
 
 
-def _axes(judged: Judged) -> Iterator[Check]:
+def _axes(judged: CheckedConfiguration) -> Iterator[Check]:
     wanted = {each.motor: str(each) for each in read_definitions(judged.machine.controller.axis_definitions)}
     found = {
         motor: axis.text if axis.system == 1 else f"&{axis.system} {axis.text}"
@@ -91,7 +97,7 @@ def _axes(judged: Judged) -> Iterator[Check]:
         )
 
 
-def _system(judged: Judged) -> Iterator[Check]:
+def _system(judged: CheckedConfiguration) -> Iterator[Check]:
     if judged.of_system(92):
         yield judged.about("blending_off", Severity.REFUSAL, judged.dialect.system_index(1, 92), "0")
     table = judged.dialect.conversion_table
@@ -103,7 +109,7 @@ def _system(judged: Judged) -> Iterator[Check]:
         yield judged.about("timers_run", Severity.OK, activation)
 
 
-def _conversion(judged: Judged) -> Iterator[Check]:
+def _conversion(judged: CheckedConfiguration) -> Iterator[Check]:
     """Check that the machine's motors have their own encoders, converted as by factory default."""
     table, words = judged.dialect.conversion_table, judged.configuration.conversion
     for axis in judged.axes:
@@ -126,7 +132,7 @@ def _conversion(judged: Judged) -> Iterator[Check]:
         )
 
 
-def _buffers(judged: Judged) -> Iterator[Check]:
+def _buffers(judged: CheckedConfiguration) -> Iterator[Check]:
     card = judged.configuration
     foreign = [f"PLC {number}" for number in sorted(card.plcs) if number not in PLCS]
     found = ", ".join((*foreign, *card.locked))
@@ -139,7 +145,7 @@ def _buffers(judged: Judged) -> Iterator[Check]:
         yield Check(Group.PROGRAMS, "table", Severity.NOTICE, subject=f"motor {motor}", found=found)
 
 
-def _pointers(judged: Judged) -> Iterator[Check]:
+def _pointers(judged: CheckedConfiguration) -> Iterator[Check]:
     """Check that a cut's end flag is a plain value, and that the watchdog counts down or is not set up."""
     pointers = judged.configuration.pointers
     flag, timer = pointers.get(END_FLAG), pointers.get(WATCHDOG_TIMER)
@@ -151,7 +157,7 @@ def _pointers(judged: Judged) -> Iterator[Check]:
         yield Check(Group.PROGRAMS, "heartbeat_timer", Severity.WARNING, variable=name, found=timer, wanted=wanted)
 
 
-def motor_rules(judged: Judged) -> list[Check]:
+def motor_rules(judged: CheckedConfiguration) -> list[Check]:
     """Return the checks of each axis."""
     rules = (_no_limit, _errors, _travel, _speeds, _flags, _power)
     return [
@@ -161,17 +167,17 @@ def motor_rules(judged: Judged) -> list[Check]:
     ]
 
 
-def _index(judged: Judged, axis: JudgedAxis, number: int) -> int:
+def _index(judged: CheckedConfiguration, axis: JudgedAxis, number: int) -> int:
     return judged.dialect.motor_index(axis.motor, number)
 
 
-def _no_limit(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+def _no_limit(judged: CheckedConfiguration, axis: JudgedAxis) -> Iterator[Check]:
     for number in NEVER_ZERO:
         if judged.of_motor(axis, number) <= 0.0:
             yield judged.about("no_limit", Severity.REFUSAL, _index(judged, axis, number), wanted="> 0")
 
 
-def _errors(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+def _errors(judged: CheckedConfiguration, axis: JudgedAxis) -> Iterator[Check]:
     fatal, warning = judged.of_motor(axis, 11), judged.of_motor(axis, 12)
     if 0.0 < fatal <= warning:
         wanted = f"< {digits(fatal)} /16 counts"
@@ -184,7 +190,7 @@ def _errors(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
         yield judged.about("following_on", Severity.REFUSAL, _index(judged, axis, 6), wanted="0")
 
 
-def _travel(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+def _travel(judged: CheckedConfiguration, axis: JudgedAxis) -> Iterator[Check]:
     high, low = judged.of_motor(axis, 13), judged.of_motor(axis, 14)
     if axis.name == "spindle":
         if not high and not low:
@@ -201,7 +207,7 @@ def _travel(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
             yield judged.about("beyond_travel", Severity.REFUSAL, _index(judged, axis, number), wanted=wanted)
 
 
-def _speeds(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+def _speeds(judged: CheckedConfiguration, axis: JudgedAxis) -> Iterator[Check]:
     program_speed = judged.of_motor(axis, 16)
     if axis.name != "carriage" and 0.0 < program_speed < LEAST_PROGRAM_SPEED:
         facts = {"rpm": digits(program_speed * 60_000.0 / judged.machine.spindle.counts_per_rev)}
@@ -214,8 +220,8 @@ def _speeds(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
         yield judged.about("never_homes", Severity.REFUSAL, _index(judged, axis, 23), wanted="≠ 0 counts/ms")
 
 
-def _flags(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
-    index = judged.dialect.index(Setting.FLAG_MODE, axis.motor)
+def _flags(judged: CheckedConfiguration, axis: JudgedAxis) -> Iterator[Check]:
+    index = judged.dialect.index(FamilySetting.FLAG_MODE, axis.motor)
     flags = int(judged.value(index) or 0.0)
     if not flags & KILL_MODE:
         yield judged.about("kills_all", Severity.WARNING, index)
@@ -225,7 +231,7 @@ def _flags(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
         yield judged.about("fault_input_off", Severity.WARNING, index)
 
 
-def _power(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+def _power(judged: CheckedConfiguration, axis: JudgedAxis) -> Iterator[Check]:
     if int(judged.of_motor(axis, 80)) & CLOSES_AT_POWER_UP:
         yield judged.about("closes_at_power_up", Severity.REFUSAL, _index(judged, axis, 80), wanted="0")
     commutates = judged.of_motor(axis, 1) != 0.0
@@ -239,7 +245,7 @@ def _power(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
         yield judged.about("shared_output", Severity.REFUSAL, _index(judged, axis, 2))
 
 
-def _tool(judged: Judged) -> Iterator[Check]:
+def _tool(judged: CheckedConfiguration) -> Iterator[Check]:
     axis, tool = judged.axes[0], judged.machine.tool
     radians_per_ms = math.tau * LOBE_FREQUENCY_HZ / 1000.0
     needed = LOBE_AMPLITUDE_UM / tool.count_um * radians_per_ms**2
@@ -258,13 +264,13 @@ def _tool(judged: Judged) -> Iterator[Check]:
         yield judged.about("too_much_current", Severity.REFUSAL, _index(judged, axis, 69), wanted=wanted)
 
 
-def _not_stated(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+def _not_stated(judged: CheckedConfiguration, axis: JudgedAxis) -> Iterator[Check]:
     """Report what the profile does not state: addresses, flags, filter limits, commutation. Never written."""
     indices = (_index(judged, axis, number) for number in _SHOWN_NUMBERS)
     shown = [
         judged.about("shown", Severity.NOTICE, index)
         for index in indices
-        if index not in judged.wanted and judged.value(index)
+        if index not in judged.stated_settings and judged.value(index)
     ]
     if shown:
         found = ", ".join(f"{check.variable} = {check.found}" for check in shown)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum, auto
 
-from drivers.pmac.dialect import Dialect, Scope, Setting
+from drivers.pmac.dialect import Dialect, FamilySetting, SettingScope
 
 
-class Quantity(StrEnum):
+class SettingQuantity(StrEnum):
     """The quantity of a setting."""
 
     NUMBER = auto()
@@ -36,7 +36,7 @@ class Name:
     """A setting: the key of its words, its quantity and its nature."""
 
     key: str
-    quantity: Quantity = Quantity.NUMBER
+    quantity: SettingQuantity = SettingQuantity.NUMBER
     nature: Nature = Nature.MOTION
 
 
@@ -45,7 +45,7 @@ GAIN_NUMBERS = (30, 31, 32, 33, 34, 35, 36, 37, 38, 39)
 not included."""
 
 OTHER = "other"  # the key of a setting without a name of its own
-_Q, _N = Quantity, Nature
+_Q, _N = SettingQuantity, Nature
 
 _MOTOR = {
     0: Name("activated", nature=_N.WIRING),
@@ -116,17 +116,17 @@ _CARD = {
 }
 
 _MOVED = {
-    Setting.SEGMENT_MS: Name("segment_time", _Q.TIME_MS),
-    Setting.JOG_DELAY_MS: Name("jog_delay", _Q.TIME_MS),
-    Setting.IN_POSITION_LOOKS: Name("in_position_looks"),
-    Setting.RAPID_AT_PROGRAM_SPEED: Name("rapid_speed"),
-    Setting.FLAG_MODE: Name("flag_mode", _Q.ADDRESS, _N.LIMIT),
+    FamilySetting.SEGMENT_MS: Name("segment_time", _Q.TIME_MS),
+    FamilySetting.JOG_DELAY_MS: Name("jog_delay", _Q.TIME_MS),
+    FamilySetting.IN_POSITION_LOOKS: Name("in_position_looks"),
+    FamilySetting.RAPID_AT_PROGRAM_SPEED: Name("rapid_speed"),
+    FamilySetting.FLAG_MODE: Name("flag_mode", _Q.ADDRESS, _N.LIMIT),
 }
 _FIRST_SYSTEM_NUMBER = 85
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Named:
+class NamedSetting:
     """A setting of a controller: its name, and its motor or coordinate system."""
 
     name: Name
@@ -134,24 +134,24 @@ class Named:
     system: int = 0
 
 
-def named(index: int, dialect: Dialect) -> Named:
+def name_setting(index: int, dialect: Dialect) -> NamedSetting:
     """Return the name of an I-variable of a family."""
     setting, owner = dialect.settings.get(index, (None, 0))
     if setting in _MOVED:
         of = dialect.places[setting].scope
-        motor, system = (owner if of is scope else 0 for scope in (Scope.MOTOR, Scope.SYSTEM))
-        return Named(name=_MOVED[setting], motor=motor, system=system)
+        motor, system = (owner if of is scope else 0 for scope in (SettingScope.MOTOR, SettingScope.SYSTEM))
+        return NamedSetting(name=_MOVED[setting], motor=motor, system=system)
     block, number = divmod(index, 100)
     if index < 100:
         numbered = {dialect.watchdog.number: "watchdog_time", dialect.system_activation: "timers"}
-        return Named(name=Name(numbered[number]) if number in numbered else _CARD.get(number, Name(OTHER)))
+        return NamedSetting(name=Name(numbered[number]) if number in numbered else _CARD.get(number, Name(OTHER)))
     system = block - dialect.system_offset // 100
     of_system = dialect.system_offset > 0 or number >= _FIRST_SYSTEM_NUMBER
     if of_system and number in _SYSTEM and 1 <= system <= dialect.system_count:
-        return Named(name=_SYSTEM[number], system=system)
+        return NamedSetting(name=_SYSTEM[number], system=system)
     if 1 <= block <= dialect.motor_count:
-        return Named(name=_MOTOR.get(number, Name(OTHER)), motor=block)
-    return Named(name=Name(OTHER))
+        return NamedSetting(name=_MOTOR.get(number, Name(OTHER)), motor=block)
+    return NamedSetting(name=Name(OTHER))
 
 
 def keys() -> frozenset[str]:

@@ -31,7 +31,7 @@ MOTION_SETTINGS, FILTER_SETTINGS = range(15, 26), range(30, 36)  # Ix15-25: stop
 OUTPUT_SETTINGS = range(68, 70)  # Ix68 and Ix69: the available braking force
 
 
-class Way(StrEnum):
+class StopMethod(StrEnum):
     """How the machine is stopped."""
 
     ABORT = "abort"  # control-A: every loop stays closed
@@ -39,7 +39,7 @@ class Way(StrEnum):
     WATCHDOG = "lease"  # the host falls silent, and the controller ends the motion by itself
 
 
-class Origin(StrEnum):
+class PriorMotion(StrEnum):
     """The motion before the stop."""
 
     JOG = "jog"
@@ -53,8 +53,8 @@ class StopEntry:
     A linear axis has its distance in mm and its speed in mm/s, the spindle in deg and rpm; the others are None.
     """
 
-    way: Way
-    origin: Origin
+    way: StopMethod
+    origin: PriorMotion
     axis: str
     time_s: float
     distance_mm: float | None = None
@@ -82,16 +82,16 @@ class StopRecord:
     tests: tuple[str, ...] = ()
 
 
-def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
+def needed_stops(machine: MachineProfile) -> frozenset[tuple[StopMethod, PriorMotion, str]]:
     """Return the stops of a complete record.
 
     A spindle on an inverter is never closed, so control-A does not stop such a machine; it is switched off at
     the lathe.
     """
     followed = machine.spindle.followed
-    ways = (Way.KILL, Way.WATCHDOG) if followed else tuple(Way)
+    ways = (StopMethod.KILL, StopMethod.WATCHDOG) if followed else tuple(StopMethod)
     axes = ("tool", "carriage") if followed else ("tool", "spindle", "carriage")
-    return frozenset((way, origin, axis) for way in ways for origin in Origin for axis in axes)
+    return frozenset((way, origin, axis) for way in ways for origin in PriorMotion for axis in axes)
 
 
 def stop_key(client: Controller, machine: MachineProfile, dialect: Dialect) -> str:
@@ -114,7 +114,7 @@ def stop_key(client: Controller, machine: MachineProfile, dialect: Dialect) -> s
 VALID_DAYS = 180  # drives, brakes and friction change; half a year is a usual inspection interval
 LATE_S = 0.5  # age of the last poll before a stop, from which its distance counts, on the slowest line
 FASTER = 1.1  # factor by which an axis may exceed its set speed: ripple, and the 10 % uncertainty of two polls
-LONGEST_S = {Way.ABORT: 20.0, Way.KILL: 70.0, Way.WATCHDOG: 20.0}
+LONGEST_S = {StopMethod.ABORT: 20.0, StopMethod.KILL: 70.0, StopMethod.WATCHDOG: 20.0}
 """Longest possible waits for rest (`REST_LIMIT_S` of the tests, plus the time until the stop is obeyed)."""
 
 LINEAR, ROTARY = ("distance_mm", "speed_mm_per_s"), ("distance_deg", "speed_rpm")
@@ -176,7 +176,7 @@ def _measured(record: StopRecord, now: StopsNow) -> Iterator[Problem]:
 
 
 def _number_problems(entries: Iterable[StopEntry], machine: MachineProfile) -> Iterator[Problem]:
-    seen: set[tuple[Way, Origin, str]] = set()
+    seen: set[tuple[StopMethod, PriorMotion, str]] = set()
     for entry in entries:
         name = (entry.way, entry.origin, entry.axis)
         reason = ("2 x", "1 x") if name in seen else _reason(entry, machine)
@@ -203,7 +203,7 @@ def _reason(entry: StopEntry, machine: MachineProfile) -> tuple[str, str] | None
     if not 0.0 < speed <= FASTER * fastest:
         return f"{speed:g} {unit}/s", f"> 0, <= {FASTER * fastest:g} {unit}/s"
     # Without its host the cutting program retracts the tool, faster than the tool follows its lobe.
-    meanwhile = fastest if entry.axis == "tool" and entry.origin is Origin.CUT else speed
+    meanwhile = fastest if entry.axis == "tool" and entry.origin is PriorMotion.CUT else speed
     most = min(most, FASTER * meanwhile * (entry.time_s + LATE_S))
     if not least <= way <= most:
         return f"{way:g} {unit}", f">= {least:g}, <= {most:g} {unit}"

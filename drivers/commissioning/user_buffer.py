@@ -37,7 +37,7 @@ class UserWords:
     x: tuple[int, ...] = ()
     y: tuple[int, ...] = ()
 
-    def named(self, start: int) -> dict[str, str]:
+    def name_words(self, start: int) -> dict[str, str]:
         """Return the words by names such as `X:$10600`, in the order of the addresses."""
         both = zip(self.x, self.y, strict=True)
         return {
@@ -143,7 +143,7 @@ class UserBufferLines:
         return UserWords(x=tuple(self._words["X"]), y=tuple(self._words["Y"])) if self._defined else None
 
     @property
-    def whole(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether every word is there, or none."""
         size = len(self.place) if self._defined and self.place is not None else 0
         return all(len(each) == size for each in self._words.values())

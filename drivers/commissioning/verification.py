@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 from drivers.commissioning.card_state import CardState, read_state, state_checks
 from drivers.commissioning.check import Check, Group, severity
+from drivers.commissioning.checked_configuration import CheckedConfiguration, JudgedAxis, digits, length, speed
 from drivers.commissioning.comparison import stated_settings
-from drivers.commissioning.configuration import Configuration
+from drivers.commissioning.configuration import ControllerConfiguration
 from drivers.commissioning.gains import gain_checks
-from drivers.commissioning.judged import Judged, JudgedAxis, digits, length, speed
 from drivers.commissioning.reading import number_in, of_motors, read_configuration
 from drivers.commissioning.rules import card_rules, motor_rules
 from drivers.controller import Controller
@@ -28,7 +28,7 @@ from profiles.findings import Severity
 from profiles.machine import MachineProfile, Safety, is_signature
 
 
-def _fitted(safety: Safety) -> Iterator[Check]:
+def _check_fitted_devices(safety: Safety) -> Iterator[Check]:
     for device, fitted in safety.devices.items():
         if fitted == WIRED:
             yield Check(Group.SAFETY, "device_wired", Severity.OK, device)
@@ -41,7 +41,7 @@ def _fitted(safety: Safety) -> Iterator[Check]:
             yield Check(Group.SAFETY, "device_unknown", Severity.REFUSAL, device, found=fitted, wanted=wanted)
 
 
-def _seen(client: Controller, safety: Safety) -> Iterator[Check]:
+def _check_inputs(client: Controller, safety: Safety) -> Iterator[Check]:
     try:
         inputs = inputs_of(safety)
     except DriverError as error:
@@ -61,7 +61,7 @@ def _seen(client: Controller, safety: Safety) -> Iterator[Check]:
 class Verification:
     """What was read, and its checks, in the order in which they are shown."""
 
-    judged: Judged
+    judged: CheckedConfiguration
     state: CardState
     checks: tuple[Check, ...]
 
@@ -73,13 +73,18 @@ def verify(client: Controller, machine: MachineProfile, dialect: Dialect) -> Ver
         RefusedError: `controller.entering`.
         DriverError: the link broke, or the controller answers something unexpected.
     """
-    judged = Judged(configuration=read_of_machine(client, machine, dialect), machine=machine)
+    judged = CheckedConfiguration(configuration=read_of_machine(client, machine, dialect), machine=machine)
     state, safety = read_state(client, dialect), machine.safety
-    checks = [*checks_of(judged), *state_checks(state, judged), *_fitted(safety), *_seen(client, safety)]
+    checks = [
+        *checks_of(judged),
+        *state_checks(state, judged),
+        *_check_fitted_devices(safety),
+        *_check_inputs(client, safety),
+    ]
     return Verification(judged=judged, state=state, checks=in_order(checks))
 
 
-def read_of_machine(client: Controller, machine: MachineProfile, dialect: Dialect) -> Configuration:
+def read_of_machine(client: Controller, machine: MachineProfile, dialect: Dialect) -> ControllerConfiguration:
     """Read what concerns a machine, for its checks; errors as for `verify`."""
     motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
     return read_configuration(client, dialect, of_motors(dialect, motors, (END_FLAG, WATCHDOG_TIMER)))
@@ -109,7 +114,7 @@ def after_jog_stop(settings: JogSettings, late_ms: float) -> StoppingDistance:
     return StoppingDistance(late_ms + ramp_ms, settings.speed * (late_ms + ramp_ms / 2.0))
 
 
-def jog_settings_of(judged: Judged, axis: JudgedAxis) -> JogSettings:
+def jog_settings_of(judged: CheckedConfiguration, axis: JudgedAxis) -> JogSettings:
     """Return the jog settings read from an axis; Ix20 and Ix21 both 0 count as 1 ms."""
     ta_ms, ts_ms = max(0.0, judged.of_motor(axis, 20)), max(0.0, judged.of_motor(axis, 21))
     return JogSettings(
@@ -120,12 +125,12 @@ def jog_settings_of(judged: Judged, axis: JudgedAxis) -> JogSettings:
     )
 
 
-def overruns(judged: Judged) -> list[Check]:
+def overruns(judged: CheckedConfiguration) -> list[Check]:
     """Return the stopping distance of each axis in mid-jog, by control-A and by J/."""
     return [_overrun(judged, axis) for axis in judged.driven_axes]
 
 
-def _overrun(judged: Judged, axis: JudgedAxis) -> Check:
+def _overrun(judged: CheckedConfiguration, axis: JudgedAxis) -> Check:
     machine = judged.machine
     late_ms = machine.controller.background_ms + LINK_LATENCY_MS
     settings = jog_settings_of(judged, axis)
@@ -164,13 +169,13 @@ def _clearance_counts(machine: MachineProfile, axis: JudgedAxis) -> float:
             return machine.carriage.jaw_clearance_mm * machine.carriage.counts_per_mm
 
 
-def checks_of(judged: Judged) -> list[Check]:
+def checks_of(judged: CheckedConfiguration) -> list[Check]:
     """Return every check of a configuration alone, read from a controller or from a backup."""
     rules = [*card_rules(judged), *motor_rules(judged)]
-    return [*_once(stated_settings(judged), rules), *gain_checks(judged), *overruns(judged)]
+    return [*_drop_repeated_checks(stated_settings(judged), rules), *gain_checks(judged), *overruns(judged)]
 
 
-def _once(stated: list[Check], rules: list[Check]) -> list[Check]:
+def _drop_repeated_checks(stated: list[Check], rules: list[Check]) -> list[Check]:
     """Return all checks; a setting that a rule also finds wrong appears once, in the words of the rule."""
     wrong = {check.variable: check for check in stated if check.severity is Severity.REFUSAL}
     # A rule with a wanted value covers its setting completely.

@@ -58,7 +58,7 @@ class Bounds:
             case Adjustable.PHASE:
                 return -self.phase_deg, self.phase_deg
 
-    def refused(self, what: Adjustable) -> str:
+    def refusal_code(self, what: Adjustable) -> str:
         """Return the code of why this cannot be changed at all, empty where it can."""
         low, high = self.range_of(what)
         if low < high:
@@ -70,7 +70,7 @@ UNCHANGEABLE = Bounds()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Adjusted:
+class CutAdjustment:
     """What was commanded of a running cut, `applied` the trim that the controller reports to be in its path."""
 
     override_percent: int = REAL_TIME
@@ -89,11 +89,11 @@ class Adjusted:
                 return self.trim.phase_deg
 
 
-AS_PLANNED = Adjusted()
+AS_PLANNED = CutAdjustment()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Changed:
+class CutChange:
     """What a cut that was changed had in the end, and from where on it was, mm behind the face of the part."""
 
     override_percent: int

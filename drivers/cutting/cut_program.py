@@ -15,9 +15,9 @@ from drivers.cutting.sampling import BatchGather
 from drivers.cutting.watch_table import CutWatch, begin_watch, watch_table
 from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.lathe.commands import Wiring
-from drivers.lathe.guards import Guard, unguarded
+from drivers.lathe.guards import Guard, accept_any_state
 from drivers.lathe.jogs import band_counts
-from drivers.lathe.motion import Motion
+from drivers.lathe.motion import MotionWaits
 from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
 from drivers.lathe.standstill import REST_S, STILL_COUNTS, STILL_S, Settling
@@ -43,7 +43,7 @@ class CutProgram:
     that queries or sends raises `DriverError` when the link breaks or the controller refuses to answer.
     """
 
-    def __init__(self, wiring: Wiring, motion: Motion) -> None:
+    def __init__(self, wiring: Wiring, motion: MotionWaits) -> None:
         self.held = False
         self.definitions = wiring.machine.controller.axis_definitions
         self._to_restore: tuple[str, ...] = ()
@@ -97,7 +97,7 @@ class CutProgram:
     def tables_left(self) -> tuple[Problem, ...]:
         """Return what tables still add to the tool, or would add; expected empty before and after a cut."""
         self._sending.refuse_unless_owner()  # needs to write a pointer of the console
-        return self._tables.left()
+        return self._tables.find_remaining_tables()
 
     def switch_tables_off(self) -> tuple[Problem, ...]:
         """Switch off compensation tables that add nothing to the tool, at rest; return the remaining problems.
@@ -239,7 +239,7 @@ class CutProgram:
         self,
         watch: Callable[[Snapshot], None],
         timeout_s: float,
-        guard: Guard = unguarded,
+        guard: Guard = accept_any_state,
         clear_counts: float = -math.inf,
     ) -> Snapshot:
         """Poll the machine until the program has ended and the axes have arrived.
@@ -251,7 +251,7 @@ class CutProgram:
 
         Raises:
             DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, `cut.constant_differs`,
-                those of the guard and of `Motion.until`; the machine is stopped before it is raised.
+                those of the guard and of `MotionWaits.until`; the machine is stopped before it is raised.
                 `heartbeat.plc_silent`: it was ended as the policy says.
             StoppedError: somebody stopped the machine.
         """
@@ -261,7 +261,7 @@ class CutProgram:
 
         def over(seen: Snapshot) -> bool:
             if watched is not None:
-                watched.see_feed(over=not seen.program_running or seen.tool.commanded < clear_counts)
+                watched.see_feed(over=not seen.program_running or seen.tool.commanded_position < clear_counts)
             return not seen.program_running and settling.is_over(seen)
 
         try:

@@ -11,7 +11,7 @@ from enum import IntEnum
 from drivers.controller import Controller
 from drivers.cutting.planning import CutPlan
 from drivers.errors import ControllerError, LinkError, LinkTimeoutError, RefusedError
-from drivers.lathe.commands import Sending
+from drivers.lathe.commands import CommandPath
 from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.base import is_gone
@@ -74,7 +74,7 @@ NOT_HELD = HoldReport()
 class FeedHold:
     """The feed hold of one program. `report` is the last that is known; it is queried only around a hold."""
 
-    def __init__(self, client: Controller, sending: Sending) -> None:
+    def __init__(self, client: Controller, sending: CommandPath) -> None:
         self.report = NOT_HELD
         self._client, self._sending = client, sending
 
@@ -101,7 +101,7 @@ class FeedHold:
         if self.report.state is not HoldState.HELD:
             raise RefusedError(Problem(code="cut.not_held"))
         try:
-            self._sending.once(f"{HOLD}={2 if one_turn else 0}")
+            self._sending.send_once(f"{HOLD}={2 if one_turn else 0}")
         except LinkTimeoutError:
             return
         self.report = replace(self.report, asked=one_turn)
@@ -152,7 +152,7 @@ class HoldLedger:
                 return None
             self._resume(snapshot, before, report)
         self._before, self._until = snapshot, None
-        return self._shifted(snapshot)
+        return self._shift_poll(snapshot)
 
     def _resume(self, snapshot: Snapshot, before: Snapshot | None, report: HoldReport) -> None:
         if before is not None:
@@ -163,7 +163,7 @@ class HoldLedger:
             self.held_s += taken_s
         self.turns = report.turns
 
-    def _shifted(self, snapshot: Snapshot) -> Snapshot:
+    def _shift_poll(self, snapshot: Snapshot) -> Snapshot:
         if not self.turns:
             return snapshot
         spindle = snapshot.spindle

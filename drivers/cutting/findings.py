@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from drivers.commissioning.judged import length, speed
+from drivers.commissioning.checked_configuration import length, speed
 from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines
 from drivers.pmac.motor_settings import MotorSettings
 from drivers.pmac.program_text import ProgramText
@@ -48,7 +48,7 @@ def speed_rpm(loop: tuple[CheckedMove, ...], checked: CheckedProgram, machine: M
     """Return the speed of the spindle in the steady cut."""
     index = checked.motors.index(machine.spindle.motor)
     counts = loop[-1].record.target[index] - loop[0].record.target[index]
-    minutes = sum(move.used.tm_ms for move in loop[1:]) / 60_000.0
+    minutes = sum(move.used_times.tm_ms for move in loop[1:]) / 60_000.0
     return counts / machine.spindle.counts_per_rev / minutes
 
 
@@ -111,7 +111,7 @@ def _path_findings(
 ) -> list[Finding]:
     """Find stretched segments, the speed that results, and the stroke lost to blending."""
     findings = []
-    asked, used = loop[-1].record.asked.tm_ms, loop[-1].used.tm_ms
+    asked, used = loop[-1].record.asked.tm_ms, loop[-1].used_times.tm_ms
     if used > asked * (1.0 + 1e-9):
         findings.append(_warning("cut.segment_stretched", "TM", f"{used:g} ms", f"{asked:g} ms"))
     if not math.isclose(speed_rpm, job.spindle_speed_rpm, rel_tol=1e-6):

@@ -64,7 +64,7 @@ class CutLength:
 
     def see(self, snapshot: Snapshot) -> None:
         """Process a poll of the cut."""
-        self._highest = max(self._highest, snapshot.carriage.commanded)
+        self._highest = max(self._highest, snapshot.carriage.commanded_position)
 
     @property
     def turns(self) -> int:

@@ -10,12 +10,12 @@ from drivers.cutting.bounds import UNTRIMMED, Trim
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.program_reports import REPORT_TIMEOUT_S
 from drivers.errors import ControllerError, LinkError, LinkTimeoutError
-from drivers.lathe.commands import Sending
+from drivers.lathe.commands import CommandPath
 from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.base import is_gone
-from drivers.pmac.program_constants import assigned
+from drivers.pmac.program_constants import find_assigned_variables
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.pvt import (
     ANGLE_IN_PATH,
@@ -77,12 +77,12 @@ def trimmed_path(path: LobedPath, trim: Trim) -> LobedPath:
     factor = 1.0 + trim.gain_percent / 100.0
     overtones = tuple(replace(each, amplitude_um=factor * each.amplitude_um) for each in path.overtones)
     grown = replace(path, amplitude_um=factor * path.amplitude_um, overtones=overtones)
-    return grown.turned(trim.phase_deg)
+    return grown.turn_by(trim.phase_deg)
 
 
 def has_trim(program: ProgramText) -> bool:
     """Whether the path of a program follows a trim."""
-    return GAIN_IN_PATH in assigned(program)
+    return GAIN_IN_PATH in find_assigned_variables(program)
 
 
 def trim_um(plan: CutPlan, trim: Trim, angle_deg: float) -> float:
@@ -92,7 +92,7 @@ def trim_um(plan: CutPlan, trim: Trim, angle_deg: float) -> float:
     return float(trimmed_path(plan.target, trim).at_um(angle_deg) - plan.target.at_um(angle_deg))
 
 
-def untrimmed(snapshot: Snapshot, plan: CutPlan, machine: MachineProfile, trim: Trim) -> Snapshot:
+def subtract_trim(snapshot: Snapshot, plan: CutPlan, machine: MachineProfile, trim: Trim) -> Snapshot:
     """Return a poll as it would have been without the trim: what judges the path then judges the same one."""
     if trim == UNTRIMMED:
         return snapshot
@@ -106,7 +106,7 @@ class LiveTrim:
     """The trim of one program: `asked`, and `applied`, which is what the controller reports to be in the path."""
 
     def __init__(
-        self, client: Controller, sending: Sending, stop: StopPath, lobes: int = 1, *, running: bool = False
+        self, client: Controller, sending: CommandPath, stop: StopPath, lobes: int = 1, *, running: bool = False
     ) -> None:
         """Take whether its program `running` has set the trim to none; before that it is of an earlier program."""
         self._running = running
@@ -147,8 +147,8 @@ class LiveTrim:
                 raise
             return
         wanted, path = self._trim_of(*found[:2]), self._trim_of(*found[2:])
-        self.applied = self.asked if _same(path, self.asked, self._lobes) else path
-        differs = not _same(wanted, self.asked, self._lobes)
+        self.applied = self.asked if _is_same_trim(path, self.asked, self._lobes) else path
+        differs = not _is_same_trim(wanted, self.asked, self._lobes)
         self.problem = _differs(wanted, self.asked) if differs else None
 
     def astray(self) -> tuple[Problem, ...]:
@@ -170,7 +170,7 @@ class LiveTrim:
         return Trim(gain_percent=100.0 * (gain - 1.0), phase_deg=-angle_deg / self._lobes)
 
 
-def _same(one: Trim, other: Trim, lobes: int) -> bool:
+def _is_same_trim(one: Trim, other: Trim, lobes: int) -> bool:
     close = math.isclose(one.gain_percent, other.gain_percent, abs_tol=300.0 * ROUNDING)
     return close and math.isclose(lobes * one.phase_deg, lobes * other.phase_deg, abs_tol=0.03)
 

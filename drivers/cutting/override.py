@@ -15,7 +15,7 @@ from drivers.cutting.bounds import REAL_TIME, UNCHANGEABLE, Bounds
 from drivers.cutting.live_trim import trim_bounds
 from drivers.cutting.planning import CutPlan
 from drivers.errors import LinkTimeoutError
-from drivers.lathe.commands import Sending
+from drivers.lathe.commands import CommandPath
 from drivers.lathe.guards import OVERRIDE_BAND_PERCENT
 from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import REAL_TIME_PERCENT, Snapshot
@@ -96,7 +96,10 @@ def inverse_left_um(plan: CutPlan, job: Job, response: ServoResponse, factor: fl
     return sum(
         2.0
         * wave.amplitude_um
-        * abs(response.at(factor * wave.lobes * turns_hz) / response.at(wave.lobes * turns_hz) - 1.0)
+        * abs(
+            response.response_at(factor * wave.lobes * turns_hz) / response.response_at(wave.lobes * turns_hz)
+            - 1.0
+        )
         for wave in plan.target.harmonics
         if wave.amplitude_um
     )
@@ -105,7 +108,7 @@ def inverse_left_um(plan: CutPlan, job: Job, response: ServoResponse, factor: fl
 class FeedOverride:
     """The override of one program: the commanded value, and the values that a poll may show until then."""
 
-    def __init__(self, client: Controller, sending: Sending, stop: StopPath) -> None:
+    def __init__(self, client: Controller, sending: CommandPath, stop: StopPath) -> None:
         self.commanded = REAL_TIME
         self._from = float(REAL_TIME)
         self._until_s: float | None = None
@@ -131,7 +134,7 @@ class FeedOverride:
             self.commanded = REAL_TIME
             self._send()
 
-    def expected(self, snapshot: Snapshot) -> tuple[float, float]:
+    def expected_range(self, snapshot: Snapshot) -> tuple[float, float]:
         """Take a poll; return the permitted range of its override, percent: on the way to the commanded value."""
         self._last = snapshot
         goal = float(self.commanded)

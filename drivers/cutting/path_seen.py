@@ -86,7 +86,7 @@ class PathSeen:
 
     def see(self, snapshot: Snapshot) -> None:
         """Process a poll of the cut."""
-        at = snapshot.carriage.commanded
+        at = snapshot.carriage.commanded_position
         self._over = self._over or at > self._last
         if self._over or at <= self._first or not snapshot.program_running:
             return
@@ -94,7 +94,7 @@ class PathSeen:
         took_s = snapshot.at_s - snapshot.asked_s
         middle_s = 0.5 * (snapshot.asked_s + snapshot.at_s)
         at_places = (tool.position, spindle.position, carriage.position, middle_s)
-        self._rows.append((took_s, *at_places, tool.commanded, carriage.commanded))
+        self._rows.append((took_s, *at_places, tool.commanded_position, carriage.commanded_position))
 
     def problems(self, held_s: float = 0.0) -> Iterator[Problem]:
         """Report where tool or carriage left the path that they otherwise kept to.
@@ -132,8 +132,8 @@ class PathSeen:
         columns = _columns(turns, past_mm, lobes, entry)
         known = plan.strategy.traits.inverts and not plan.command.push_um
         command_columns = _columns(turns, past_mm, lobes, ()) if known else columns
-        left, found = _left(off_um, columns)
-        command_left, command_found = _left(command_off_um, command_columns)
+        left, found = _robust_residuals(off_um, columns)
+        command_left, command_found = _robust_residuals(command_off_um, command_columns)
         if known:
             command_left += command_columns[:, :OF_MEAN] @ command_found[:OF_MEAN]
             off_plan_um = abs(float(np.median(command_left)))
@@ -141,7 +141,7 @@ class PathSeen:
                 value, limit = f"{off_plan_um:.1f} um", f"{LEAST_TOOL_UM:g} um"
                 yield Problem(code="cut.command_off_plan", key=AxisName.TOOL, where="Ø", value=value, limit=limit)
                 return
-            left = command_left + _left(off_um - command_left, columns)[0]
+            left = command_left + _robust_residuals(off_um - command_left, columns)[0]
         of_lobe = harmonic_slice(0, trends=1)
         lobe_um, command_um = (float(np.hypot(*each[of_lobe])) for each in (found, command_found))
         most_um = MOST_OF_LOBE * target.amplitude_um + LEAST_TOOL_UM
@@ -162,7 +162,9 @@ class PathSeen:
         per_mm, feed = self._machine.carriage.counts_per_mm, turns * self._plan.setup.carriage_per_turn
         trends = [turns - turns[0]] if self._machine.spindle.followed else []
         columns = harmonic_columns(turns, (), *trends)
-        left, command_left = (_left((places - feed) / per_mm, columns)[0] for places in (carriage, commanded))
+        left, command_left = (
+            _robust_residuals((places - feed) / per_mm, columns)[0] for places in (carriage, commanded)
+        )
         limit_mm = max(LEAST_CARRIAGE_MM, TIMES_USUAL * float(np.median(np.abs(left))))
         yield from self._off_path(AxisName.CARRIAGE, left, command_left, limit_mm, carriage, "{:.3f} mm")
 
@@ -193,7 +195,7 @@ class PathSeen:
         The time is that of the host: a computer that stands still looks like a spindle that does. It is named
         first where polls came late.
         """
-        off, (_, slope) = _left(turns, harmonic_columns(turns, (), at_s - at_s[0]))
+        off, (_, slope) = _robust_residuals(turns, harmonic_columns(turns, (), at_s - at_s[0]))
         left, turns_a_second = np.abs(off), abs(float(slope))
         limit = max(LEAST_SPINDLE_S * turns_a_second, TIMES_USUAL * float(np.median(left)))
         if left.max() <= limit + held_s * turns_a_second:
@@ -219,7 +221,7 @@ def _columns(turns: Floats, past_mm: Floats, lobes: int, entry: tuple[float, ...
     return columns[:, : max(4, len(turns) // POLLS_A_TERM)]
 
 
-def _left(values: Floats, columns: Floats) -> tuple[Floats, Floats]:
+def _robust_residuals(values: Floats, columns: Floats) -> tuple[Floats, Floats]:
     """Return residuals and coefficients of a fit that is robust against a few outliers."""
     found = fit(columns, values)
     for _ in range(SWEEPS - 1):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields, replace
 
-from drivers.cutting.corrected import with_spindle, with_table
+from drivers.cutting.corrected_motion import with_spindle, with_table
 from drivers.cutting.findings import clock_findings, cut_findings, leaving_findings, speed_rpm, steady_moves
-from drivers.cutting.strategy import BY_TABLE, TRIMMED, TURNED_BY_OTHERS, PlannedProgram, Planning, Strategy
+from drivers.cutting.strategy import BY_TABLE, TRIMMED, TURNED_BY_OTHERS, PlannedProgram, PlanningInput, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response, path_response
 from drivers.pmac.axes import DEFINITIONS_KEY, read_definitions
@@ -26,7 +26,7 @@ from profiles.compensations.push import predicted_push_um
 from profiles.findings import Finding
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.problem import Problem, refused
+from profiles.problem import Problem, refusal_error
 
 __all__ = ["CutPlan", "Strategy", "first_spindle_counts", "nominal_command", "plan_cut"]
 
@@ -102,7 +102,7 @@ def plan_cut(
         _refuse_beyond(path, job, machine, strategy)
     start = from_turn * machine.spindle.counts_per_rev + first_spindle_counts(job, machine, strategy)
     command = _command(job, machine, strategy, path, response)
-    planning = Planning(
+    planning = PlanningInput(
         job=job,
         machine=machine,
         dialect=DIALECTS[machine.controller.family],
@@ -117,10 +117,10 @@ def plan_cut(
     program = _read(made.text, planning.dialect)
     if watchdog:  # nobody renews it in a simulated run
         unwatched = strategy.traits.make(replace(planning, setup=replace(planning.setup, watchdog="")))
-        checked = _checked(unwatched, _read(unwatched.text, planning.dialect), planning)
+        checked = _check_program(unwatched, _read(unwatched.text, planning.dialect), planning)
     else:
-        checked = _checked(made, program, planning)
-    return _judged(planning, strategy, made, program, checked, in_air=air_mm > 0.0)
+        checked = _check_program(made, program, planning)
+    return _assemble_plan(planning, strategy, made, program, checked, in_air=air_mm > 0.0)
 
 
 def _refuse_other_axes(machine: MachineProfile) -> None:
@@ -131,11 +131,11 @@ def _refuse_other_axes(machine: MachineProfile) -> None:
     for motor in sorted({*wanted, *found}):
         there, target = (f"#{motor}->{each.get(motor, '0')}" for each in (found, wanted))
         if there != target:
-            raise refused("value.out_of_range", key=DEFINITIONS_KEY, value=there, limit=target)
+            raise refusal_error("value.out_of_range", key=DEFINITIONS_KEY, value=there, limit=target)
 
 
-def _judged(
-    planning: Planning,
+def _assemble_plan(
+    planning: PlanningInput,
     strategy: Strategy,
     made: PlannedProgram,
     program: ProgramText,
@@ -153,7 +153,7 @@ def _judged(
         setup=planning.setup,
         program=program,
         spindle_speed_rpm=rpm,
-        segment_ms=loop[-1].used.tm_ms,
+        segment_ms=loop[-1].used_times.tm_ms,
         duration_s=checked.duration_ms / 1000.0,
         findings=(
             *cut_findings(loop, checked, machine, job, rpm),
@@ -212,7 +212,7 @@ def _read(text: str, dialect: Dialect) -> ProgramText:
         raise DriverError(Problem(code="program.refused", value=str(error))) from error
 
 
-def _checked(made: PlannedProgram, program: ProgramText, planning: Planning) -> CheckedProgram:
+def _check_program(made: PlannedProgram, program: ProgramText, planning: PlanningInput) -> CheckedProgram:
     machine, setup, dialect = planning.machine, planning.setup, planning.dialect
     start = {
         machine.tool.motor: made.tool_start,

@@ -105,7 +105,7 @@ class BatchGather:
         if from_counts is not None:
             self._from_counts = max(self._from_counts, from_counts)
         names = (*self._names, self._output) if thrust else self._names
-        self._plan = self._tried(
+        self._plan = self._try_step(
             lambda: self._gathering.prepare(
                 self._gathering.motor_channels(*names), math.ceil(seconds / (period * cycle_s)), period
             )
@@ -118,17 +118,17 @@ class BatchGather:
         Raises DriverError: `gather.failed`; the link broke.
         """
         try:
-            self._state = self._tried(lambda: self._next(snapshot))
+            self._state = self._try_step(lambda: self._next(snapshot))
         except LinkTimeoutError:
             self._lost += 1
             if self._lost >= MOST_LOST:
-                raise self._failed(f"{self._lost} batches in a row were lost on the line") from None
+                raise self._gather_error(f"{self._lost} batches in a row were lost on the line") from None
             self._state = None
 
     def finish(self) -> None:
         """Fetch the rest of a batch in progress, once the machine rests and nothing waits."""
         while isinstance(state := self._state, _Fetching):
-            self._state = self._tried(partial(self._fetched, state))
+            self._state = self._try_step(partial(self._fetch_part, state))
 
     @property
     def fetching(self) -> bool:
@@ -138,7 +138,7 @@ class BatchGather:
     def fetch_at_rest(self, long_words: int) -> None:
         """Fetch a longer piece of a batch, once the machine rests; between two polls, as `see`."""
         if isinstance(state := self._state, _Fetching):
-            self._state = self._tried(partial(self._fetched, state, long_words))
+            self._state = self._try_step(partial(self._fetch_part, state, long_words))
 
     def give_back(self) -> None:
         """Stop gathering and delete the buffer, if it is ours: other work may need the room. Raises nothing."""
@@ -154,7 +154,7 @@ class BatchGather:
         if plan is None:
             return None
         if isinstance(state, _Fetching):
-            return self._fetched(state)
+            return self._fetch_part(state)
         in_path = self._in_path(snapshot)
         if state is None:
             if not in_path:
@@ -184,7 +184,7 @@ class BatchGather:
         onwards = math.copysign(1.0, snapshot.spindle.position - cut.spindle_start)
         return 360.0 * (snapshot.spindle.position / machine.spindle.counts_per_rev + onwards * turns)
 
-    def _fetched(self, state: _Fetching, at_rest_words: int = 0) -> _Fetching | None:
+    def _fetch_part(self, state: _Fetching, at_rest_words: int = 0) -> _Fetching | None:
         if state.complete:
             self._deliver(state)
             return None
@@ -235,13 +235,13 @@ class BatchGather:
         fed = self._from_counts < there < end
         return snapshot.program_running and fed and snapshot.tool.position > setup.surface
 
-    def _tried(self, work: Callable[[], _Result]) -> _Result:
+    def _try_step(self, work: Callable[[], _Result]) -> _Result:
         try:
             return work()
         except (GatherError, ControllerError) as error:
-            raise self._failed(str(error)) from error
+            raise self._gather_error(str(error)) from error
 
-    def _failed(self, why: str) -> DriverError:
+    def _gather_error(self, why: str) -> DriverError:
         return DriverError(Problem(code="gather.failed", where=self._client.link.address, value=why))
 
 

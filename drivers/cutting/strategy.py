@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Planning:
+class PlanningInput:
     """The input of planning: a job on a machine, the position of the cut, and the target path of the part.
 
     `command` is the tool command: the inverse of `target` where the strategy inverts the servo, else `target`
@@ -69,7 +69,7 @@ class PlannedProgram:
         return self.hold_from is not None
 
 
-def _hold_from(planning: Planning) -> float:
+def _hold_from(planning: PlanningInput) -> float:
     """Return from where on a cut may be held: it comes in again some turns before, with the carriage in motion."""
     from drivers.pmac.programs.hold import back_mm
     from drivers.pmac.programs.pvt import out_ms
@@ -79,7 +79,7 @@ def _hold_from(planning: Planning) -> float:
     return setup.carriage_start + way_mm * machine.carriage.counts_per_mm
 
 
-def _by_pvt(planning: Planning, command: LobedPath) -> PlannedProgram:
+def _by_pvt(planning: PlanningInput, command: LobedPath) -> PlannedProgram:
     """Make segments of PVT, with the spindle turned by the program."""
     from drivers.pmac.programs.pvt import pvt_program
 
@@ -91,7 +91,7 @@ def _by_pvt(planning: Planning, command: LobedPath) -> PlannedProgram:
     )
 
 
-def _cam(planning: Planning) -> PlannedProgram:
+def _cam(planning: PlanningInput) -> PlannedProgram:
     """Make a compensation table by the angle of the spindle."""
     from drivers.pmac.programs.cam import cam_program, correction_register, make_cam
     from drivers.pmac.programs.setup import SERVO
@@ -110,7 +110,7 @@ def _cam(planning: Planning) -> PlannedProgram:
     )
 
 
-def _timebase(planning: Planning) -> PlannedProgram:
+def _timebase(planning: PlanningInput) -> PlannedProgram:
     """Make the segments of `pvt`; in each servo cycle time advances by the spindle's turn in the cycle before."""
     from drivers.pmac.programs import timebase
 
@@ -126,7 +126,7 @@ def _timebase(planning: Planning) -> PlannedProgram:
     )
 
 
-def _paper(planning: Planning) -> PlannedProgram:
+def _paper(planning: PlanningInput) -> PlannedProgram:
     """Make Prog. 1 of Lee and Lee (2001), as printed."""
     from drivers.pmac.programs.paper import DEFAULT_TS_MS, paper_program
     from drivers.pmac.programs.setup import refuse_endless
@@ -169,7 +169,7 @@ class Traits:
     `begins_at` is where the spindle begins, in counts from its index; None means at the index.
     """
 
-    make: Callable[[Planning], PlannedProgram]
+    make: Callable[[PlanningInput], PlannedProgram]
     follows_lobe: bool = True
     inverts: bool = False
     late_cycles: Callable[[MachineProfile], int] = lambda _: 0

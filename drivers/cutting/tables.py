@@ -33,7 +33,7 @@ class Tables:
         """Query whether tables are on: they then move with their source."""
         return self._client.numbers(SWITCH, again=True)[0] != 0.0
 
-    def left(self) -> tuple[Problem, ...]:
+    def find_remaining_tables(self) -> tuple[Problem, ...]:
         """Return what prevents a cut from being loaded: tables that are on, or a correction that was left."""
         self._client.request(self._definition)
         on, held = self._client.numbers(SWITCH, self._register)
@@ -51,11 +51,11 @@ class Tables:
 
     def switch_off(self) -> tuple[Problem, ...]:
         """Switch tables off if the register reads 0, everything at rest; return what is left to fix."""
-        problems = self.left()
+        problems = self.find_remaining_tables()
         if [problem.code for problem in problems] != ["cut.table_on"]:
             return problems
         self._client.request(f"{SWITCH}=0")
-        return self.left()
+        return self.find_remaining_tables()
 
     def clear(self) -> tuple[Problem, ...]:
         """Switch tables off and make 0 what they add, whatever it is; return what is left to fix.
@@ -65,4 +65,4 @@ class Tables:
         self._client.request(self._definition)
         self._client.request(f"{SWITCH}=0")  # while it is on, the register is computed again in each servo cycle
         self._client.request(f"{self._register}=0")
-        return self.left()
+        return self.find_remaining_tables()

@@ -14,13 +14,13 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import cycle, islice
 
+from drivers.commissioning.checked_configuration import stated_settings_of
 from drivers.commissioning.configuration import passing_settings
-from drivers.commissioning.judged import stated_settings_of
 from drivers.commissioning.reading import of_motors
-from drivers.commissioning.setting_names import OTHER, named
+from drivers.commissioning.setting_names import OTHER, name_setting
 from drivers.controller import Controller
 from drivers.pmac.axes import read_definitions
-from drivers.pmac.dialect import Dialect, Scope
+from drivers.pmac.dialect import Dialect, SettingScope
 from drivers.pmac.expected_replies import number_of
 from drivers.pmac.heartbeat.arming import PERMISSION
 from drivers.pmac.program_constants import IN_THE_CUT, RELATIVE, assigned_numbers, pointers_of
@@ -50,7 +50,7 @@ class WatchItem:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WatchTable:
+class CutWatchTable:
     """The items of a cut: `first` are read more often than the `later` ones.
 
     What the program itself sets a setting to is in `own`, by name.
@@ -71,13 +71,13 @@ class WatchTable:
         return tuple(item for pair in zip(cycle(self.first), self.later) for item in pair)
 
 
-def watch_table(machine: MachineProfile, loaded: LoadedProgram, *, tables_on: bool = False) -> WatchTable:
+def watch_table(machine: MachineProfile, loaded: LoadedProgram, *, tables_on: bool = False) -> CutWatchTable:
     """Return what is watched while a program runs on a machine; no corrections where `tables_on` move them."""
     dialect, program, tool = loaded.dialect, loaded.program, machine.tool.motor
     motors = (tool, machine.spindle.motor, machine.carriage.motor)
     stated = stated_settings_of(machine, dialect)
     every = {index for whole in of_motors(dialect, motors).settings for index in whole}
-    known = {index for index in every if named(index, dialect).name.key != OTHER}
+    known = {index for index in every if name_setting(index, dialect).name.key != OTHER}
     lines = [motor - 1 for motor in motors if motor <= len(dialect.conversion_table.channels)]
     conversion, words = dialect.conversion_table.first_setting, tuple[str, ...]()
     if conversion is not None:
@@ -85,7 +85,9 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram, *, tables_on: bo
     else:
         words = tuple(f"Y:${dialect.conversion_table.first_address + line:X}" for line in lines)
     settings = {*known, *stated} - passing_settings(dialect) - {PERMISSION}
-    others = {dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in motors}
+    others = {
+        dialect.motor_index(motor, 0) for motor in dialect.numbers(SettingScope.MOTOR) if motor not in motors
+    }
     shaping = {dialect.motor_index(tool, number) for number in SHAPING}
     shaping |= {SERVO_PERIOD, *(dialect.system_index(1, number) for number in TIME_BASE)}
     if conversion is not None:
@@ -93,7 +95,7 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram, *, tables_on: bo
     registers = {motor: _registers(dialect, program, motor, tables_on=tables_on) for motor in motors}
     axes = [f"#{each.motor}->" for each in read_definitions(machine.controller.axis_definitions)]
     constants = [int(each.name[1:]) for each in loaded.constants if each.kept]
-    return WatchTable(
+    return CutWatchTable(
         first=(
             *_ranges("I", settings & shaping),
             *(WatchItem(f"RH{word}", (word,)) for word in (*registers[tool], *words)),
@@ -147,7 +149,7 @@ def values_of(items: Iterable[WatchItem]) -> int:
 class CutWatch:
     """Reads the table in turn while a cut runs, and once more from the end of its feed."""
 
-    def __init__(self, table: WatchTable, answers: Mapping[WatchItem, tuple[str, ...]]) -> None:
+    def __init__(self, table: CutWatchTable, answers: Mapping[WatchItem, tuple[str, ...]]) -> None:
         """Take what the controller answered when the cut began."""
         self._table, self._answers = table, answers
         self._turn = deque(table.schedule)
@@ -188,12 +190,12 @@ class CutWatch:
         for item, answers in answers_of(items, replies):
             for name, before, now in zip(item.names, self._answers[item], answers, strict=True):
                 own = (f"{each:.10g}" for each in self._table.own.get(name, ()))
-                if not any(_same(each, now.strip()) for each in (before.strip(), *own)):
+                if not any(_is_same_value(each, now.strip()) for each in (before.strip(), *own)):
                     return Problem(code=IN_THE_CUT, key=name, value=now.strip(), limit=before.strip())
         return None
 
 
-def _same(before: str, now: str) -> bool:
+def _is_same_value(before: str, now: str) -> bool:
     if before == now:
         return True
     try:
@@ -202,7 +204,7 @@ def _same(before: str, now: str) -> bool:
         return False
 
 
-def begin_watch(client: Controller, table: WatchTable) -> CutWatch:
+def begin_watch(client: Controller, table: CutWatchTable) -> CutWatch:
     """Read the whole table. Raises DriverError: the link broke, or the controller refused to answer."""
     watch = CutWatch(table, dict.fromkeys(table.items, ()))
     watch.see_feed(over=True)

@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cutting.corrected import source_is_late
+from drivers.cutting.corrected_motion import source_is_late
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
 from drivers.pmac.dialect import DIALECTS
@@ -27,7 +27,7 @@ from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.pvt import longest_segment_ms, point_scales
-from drivers.pmac.programs.setup import END_FLAG, signed
+from drivers.pmac.programs.setup import END_FLAG, sign_program
 from profiles.compensations.path import LobedPath
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
@@ -69,7 +69,7 @@ class Excitation(Protocol):
         """Return the commanded tool positions, in counts, at the gathered instants."""
 
 
-def program_text(form: str, machine: MachineProfile, word: AxisWord, **values: float) -> str:
+def program_text(form: str, machine: MachineProfile, word: ExcitedAxis, **values: float) -> str:
     """Fill in a program; `go_on` is checked in each segment between its ramps: not ended, the watchdog alive."""
     text = form.format(
         letter=word.letter,
@@ -78,11 +78,11 @@ def program_text(form: str, machine: MachineProfile, word: AxisWord, **values: f
         go_on=f"{END_FLAG}=0 AND {watchdog_condition(DIALECTS[machine.controller.family])}",
         **{name: format_number(value) for name, value in values.items()},
     )
-    return signed(text)
+    return sign_program(text)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AxisWord:
+class ExcitedAxis:
     """The axis of a single motor: `scale` counts per unit, zero at `offset` counts."""
 
     letter: str
@@ -98,14 +98,14 @@ class AxisWord:
         return counts / self.scale
 
 
-def axis_word(machine: MachineProfile, motor: int) -> AxisWord:
+def axis_word(machine: MachineProfile, motor: int) -> ExcitedAxis:
     """Return the axis of a motor. Raises ProfileError: `identify.axis`, the motor shares its axis."""
     definitions = read_definitions(machine.controller.axis_definitions)
     found = [each for each in definitions if each.motor == motor]
     if not found or len(found[0].terms) != 1 or not found[0].scale:
         value = str(found[0]) if found else "-"
         raise ProfileError(Problem(code="identify.axis", key="axis_definitions", where=f"#{motor}", value=value))
-    return AxisWord(letter=found[0].axis, scale=found[0].scale, offset=found[0].offset)
+    return ExcitedAxis(letter=found[0].axis, scale=found[0].scale, offset=found[0].offset)
 
 
 _PVT_TEXT = """\
@@ -290,4 +290,4 @@ def _sine_table(machine: MachineProfile, wave: int, amplitude_um: float) -> Comp
     definition = TableDefinition(motor=motor, sources=(source,), target=motor, columns=COLUMNS)
     parts = PARTS_PER_COUNT * amplitude_um / machine.tool.count_um
     turns = (k / COLUMNS for k in range(1, COLUMNS + 1))
-    return definition.filled([round(parts * math.sin(2.0 * math.pi * turn)) for turn in turns])
+    return definition.fill_table([round(parts * math.sin(2.0 * math.pi * turn)) for turn in turns])

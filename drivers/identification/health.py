@@ -17,7 +17,7 @@ import numpy as np
 from drivers.commissioning.reading import read_gathering
 from drivers.cutting.strategy import Strategy
 from drivers.errors import DriverError, RefusedError
-from drivers.identification.excitation import AxisWord, PvtPath, Sweep, axis_word, program_text
+from drivers.identification.excitation import ExcitedAxis, PvtPath, Sweep, axis_word, program_text
 from drivers.identification.identify import restore_after
 from drivers.identification.measuring import SPARE_SAMPLES, SettingsComparison, measure, run_gathered
 from drivers.identification.request import (
@@ -27,7 +27,7 @@ from drivers.identification.request import (
     clearance_mm,
     request_problems,
 )
-from drivers.identification.result import IdentifiedPoint, Origin
+from drivers.identification.result import IdentifiedPoint, ResponseOrigin
 from drivers.identification.rig import Rig, card_problems, put_back, standing_problems
 from drivers.identification.standstill import Standstill, link_problems
 from drivers.lathe.snapshot import AxisName
@@ -37,7 +37,7 @@ from drivers.pmac.program_text import read_program
 from profiles.arrays import Floats, floats
 from profiles.axis.sampled_loop import SampledLoop, loop_of
 from profiles.axis.servo_gains import error_limit_um
-from profiles.axis.step_figures import ErrorFigures, StepFigures, error_figures, modelled, step_figures
+from profiles.axis.step_figures import ErrorFigures, StepFigures, error_figures, model_step, step_figures
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.strict_values import positive, read_own
@@ -134,7 +134,7 @@ class HealthMoves:
         return max(step, self.parabola_um / HALF_MS**2)
 
 
-def health_text(machine: MachineProfile, word: AxisWord, moves: HealthMoves, centre_counts: float) -> str:
+def health_text(machine: MachineProfile, word: ExcitedAxis, moves: HealthMoves, centre_counts: float) -> str:
     """Return the program: cubic segments, a single short one for the step, four for the parabola, rests between.
 
     It waits before the first move until the host has begun to gather, and ends by itself; whoever ends it or stops
@@ -194,10 +194,10 @@ class HealthRequest:
 
 def health_problems(request: HealthRequest, machine: MachineProfile) -> tuple[Problem, ...]:
     """Return everything that forbids this test on this machine; nothing is sent for it."""
-    return request_problems(request.sine, machine) or tuple(_beyond(request.moves, machine))
+    return request_problems(request.sine, machine) or tuple(_find_travel_problems(request.moves, machine))
 
 
-def _beyond(moves: HealthMoves, machine: MachineProfile) -> Iterator[Problem]:
+def _find_travel_problems(moves: HealthMoves, machine: MachineProfile) -> Iterator[Problem]:
     tool, motor = machine.tool, machine.tool.motor
     variables, per_mm = machine.controller.variables, machine.tool.counts_per_mm
     speed, acceleration = moves.peak_speed_mm_per_s(), moves.peak_acceleration_m_per_s2()
@@ -242,7 +242,7 @@ class HealthModel:
 class HealthResult:
     """One test. `date` is UTC; the samples are those about the step: ms from its beginning, and um."""
 
-    origin: Origin
+    origin: ResponseOrigin
     date: str
     step_um: float
     step: StepFigures
@@ -262,7 +262,7 @@ FIGURES = tuple(
 
 def figures_of(result: HealthResult) -> dict[str, float]:
     """Return the `FIGURES` of a test by name, except those that the tool did not reach."""
-    return _named(result.step, result.parabola) | {
+    return _figures_by_name(result.step, result.parabola) | {
         "sine_gain": result.sine.gain,
         "sine_phase_deg": result.sine.phase_deg,
         "coherence": result.sine.coherence,
@@ -272,10 +272,13 @@ def figures_of(result: HealthResult) -> dict[str, float]:
 def model_figures_of(result: HealthResult) -> dict[str, float]:
     """Return the same of the model; it has no coherence."""
     model = result.model
-    return _named(model.step, model.parabola) | {"sine_gain": model.gain, "sine_phase_deg": model.phase_deg}
+    return _figures_by_name(model.step, model.parabola) | {
+        "sine_gain": model.gain,
+        "sine_phase_deg": model.phase_deg,
+    }
 
 
-def _named(step: StepFigures, parabola: ErrorFigures) -> dict[str, float]:
+def _figures_by_name(step: StepFigures, parabola: ErrorFigures) -> dict[str, float]:
     """Return figures by name; what the tool did not reach is left out."""
     found = {
         "rise_ms": step.rise_ms,
@@ -304,7 +307,7 @@ def _judge(result: HealthResult) -> None:
         raise ValueError(f"{len(result.times_ms)} times, {len(result.position_um)} positions")
 
 
-def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) -> HealthResult:
+def check_health(rig: Rig, request: HealthRequest, origin: ResponseOrigin, date: str) -> HealthResult:
     """Test the tool, with the drives enabled, homed, and everything at rest; the tool ends at its zero.
 
     Raises as `identify`, and ProfileError: `health.no_step`.
@@ -316,7 +319,7 @@ def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) ->
     gathering = read_gathering(rig.client, rig.dialect)
     try:
         rig.lathe.jog_to(AxisName.TOOL, 0.0)
-        data = _moved(rig, request)
+        data = _run_moves(rig, request)
         sine = measure(rig, PvtPath(rig.machine, request.step_um), request.sine_hz, request.sine)
         put_back(rig, gathering, table=False)
         settings.refuse_changed()
@@ -326,7 +329,7 @@ def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) ->
     return _result(rig.machine, request, data, origin, date, sine)
 
 
-def _moved(rig: Rig, request: HealthRequest) -> GatheredData:
+def _run_moves(rig: Rig, request: HealthRequest) -> GatheredData:
     """Run step and parabola, and return the gathered data."""
     moves, machine = request.moves, rig.machine
     word = axis_word(machine, machine.tool.motor)
@@ -351,7 +354,7 @@ def _result(
     machine: MachineProfile,
     request: HealthRequest,
     data: GatheredData,
-    origin: Origin,
+    origin: ResponseOrigin,
     date: str,
     sine: IdentifiedPoint,
 ) -> HealthResult:
@@ -360,7 +363,7 @@ def _result(
     reference, position = (floats(data.values[name] * count_um) for name in _channels(machine))
     begin_s = _begin_s(time_s, reference, request.step_um)
     loop = loop_of(machine)
-    predicted = modelled(loop, reference)
+    predicted = model_step(loop, reference)
     step = _window(time_s, begin_s - _BEFORE_S, begin_s + moves.back_s)
     far = _window(time_s, begin_s + moves.parabola_s, begin_s + moves.end_s)
     kept = _window(time_s, begin_s - KEPT_BEFORE_MS / 1000.0, begin_s + KEPT_AFTER_MS / 1000.0)
@@ -385,7 +388,7 @@ def _result(
 
 
 def _sine_of(loop: SampledLoop, frequency_hz: float) -> dict[str, float]:
-    response = complex(loop.closed(np.array([frequency_hz]))[0])
+    response = complex(loop.closed_loop(np.array([frequency_hz]))[0])
     return {"gain": abs(response), "phase_deg": math.degrees(cmath.phase(response))}
 
 

@@ -19,8 +19,8 @@ from drivers.errors import DriverError, RefusedError
 from drivers.identification.excitation import CamPath, Excitation, PvtPath
 from drivers.identification.measuring import GAINS, SERVO_TIME, SettingsComparison, measure
 from drivers.identification.request import IdentificationRequest, request_problems
-from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, Origin
-from drivers.identification.rig import Rig, card_problems, homed, put_back, standing_problems
+from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, ResponseOrigin
+from drivers.identification.rig import Rig, card_problems, is_homed, put_back, standing_problems
 from drivers.identification.standstill import link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.client import PmacClient
@@ -28,7 +28,7 @@ from drivers.pmac.compensation.table import step_counts
 from drivers.pmac.compensation.table_text import read_table, table_lines
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.settings import servo_cycle_ms
-from profiles.compensations.path import delayed
+from profiles.compensations.path import delay_response
 from profiles.problem import Problem, ProblemError
 
 MOST_STEP_COUNTS = 10.0  # by switching the table: the carriage rests within counts of its zero
@@ -57,7 +57,7 @@ def take_up(rig: Rig) -> None:
         raise RefusedError(Problem(code="identify.drives_on", where=rig.where))
     try:
         rig.lathe.enable()
-        if not homed(snapshot):
+        if not is_homed(snapshot):
             rig.lathe.home()
     except BaseException as error:
         _leave_at_rest(rig, error)
@@ -84,7 +84,7 @@ def kept_table(client: PmacClient, motor: int) -> tuple[str, ...]:
 
 
 def identify(
-    rig: Rig, request: IdentificationRequest, origin: Origin, date: str, tell: Tell = lambda _: None
+    rig: Rig, request: IdentificationRequest, origin: ResponseOrigin, date: str, tell: Tell = lambda _: None
 ) -> IdentifiedResponse:
     """Measure the response of one path, with the drives enabled, homed, and everything at rest.
 
@@ -111,7 +111,7 @@ def identify(
             if table:
                 rig.lathe.jog_to(AxisName.CARRIAGE, 0.0, settle=False)
             point = measure(rig, excitation, frequency_hz, request)
-            points.append(_later(point, cycles * origin.servo_period_ms / 1000.0))
+            points.append(_delay_point(point, cycles * origin.servo_period_ms / 1000.0))
             tell(points[-1])
         if table:  # at the zero of the table switching it off causes next to no step
             rig.lathe.jog_to(AxisName.CARRIAGE, 0.0)
@@ -131,12 +131,12 @@ def identify(
     )
 
 
-def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> Origin:
+def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> ResponseOrigin:
     """Read what the response will be valid for. Raises DriverError: the link broke."""
     motor = rig.machine.tool.motor
     indices = {f"I{motor}{number}": rig.dialect.motor_index(motor, number) for number in GAINS}
     found = read_settings(rig.client, (SERVO_TIME, *indices.values()))
-    return Origin(
+    return ResponseOrigin(
         machine=rig.machine.name,
         simulated=simulated,
         version=version,
@@ -207,8 +207,10 @@ def _leave_at_rest(rig: Rig, error: BaseException) -> None:
         raise DriverError(*problems, *unproven.problems, Problem(code="machine.state_unknown")) from error
 
 
-def _later(point: IdentifiedPoint, delay_s: float) -> IdentifiedPoint:
+def _delay_point(point: IdentifiedPoint, delay_s: float) -> IdentifiedPoint:
     if not delay_s:
         return point
     measured = cmath.rect(1.0, math.radians(point.phase_deg))
-    return replace(point, phase_deg=math.degrees(cmath.phase(delayed(measured, point.frequency_hz, delay_s))))
+    return replace(
+        point, phase_deg=math.degrees(cmath.phase(delay_response(measured, point.frequency_hz, delay_s)))
+    )

@@ -12,14 +12,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours
-from drivers.commissioning.judged import amount, same
+from drivers.commissioning.checked_configuration import amount, is_same_number
+from drivers.commissioning.fingerprint import ControllerFingerprint, console_facts, fingerprint_problems
 from drivers.commissioning.reading import of_motors, read_configuration
-from drivers.commissioning.setting_names import named
+from drivers.commissioning.setting_names import name_setting
 from drivers.errors import DriverError, RefusedError
 from drivers.identification.excitation import PROGRAM, Excitation, Sweep
 from drivers.identification.request import IdentificationRequest
-from drivers.identification.result import IdentifiedPoint, Origin
+from drivers.identification.result import IdentifiedPoint, ResponseOrigin
 from drivers.identification.rig import Rig
 from drivers.identification.standstill import Standstill
 from drivers.lathe.snapshot import Snapshot
@@ -41,7 +41,7 @@ GAINS = range(30, 40)  # Ix30 to Ix35, and the notch filter: what an origin has
 
 
 @dataclass(kw_only=True)
-class Watch:
+class MeasurementWatch:
     """Sends commands while the program runs: GATHER once it is steady, its end when all samples are there."""
 
     rig: Rig
@@ -92,7 +92,7 @@ def measure(
 class SettingsComparison:
     """The settings that arming compares, as they were when a measurement began, without programs and PLCs."""
 
-    def __init__(self, rig: Rig, origin: Origin) -> None:
+    def __init__(self, rig: Rig, origin: ResponseOrigin) -> None:
         """Read them. Raises RefusedError: `measurement.changed`, they are no longer those of `origin`."""
         self._rig = rig
         self._before = self._read()
@@ -101,23 +101,23 @@ class SettingsComparison:
 
     def refuse_changed(self) -> None:
         """Read them once more. Raises DriverError: `measurement.changed`; the link broke."""
-        left_out = ours(self._rig.machine, self._rig.dialect)
+        left_out = console_facts(self._rig.machine, self._rig.dialect)
         found = fingerprint_problems(self._before, self._read(), left_out)
         if found:
             raise DriverError(*(replace(problem, code=CHANGED) for problem in found))
 
-    def _read(self) -> Fingerprint:
+    def _read(self) -> ControllerFingerprint:
         rig, machine = self._rig, self._rig.machine
         motors = machine.tool.motor, machine.spindle.motor, machine.carriage.motor
         extent = replace(of_motors(rig.dialect, motors), plcs=(), tables=())
         read = read_configuration(rig.client, rig.dialect, extent)
-        return Fingerprint(machine=machine, configuration=read, free="")
+        return ControllerFingerprint(machine=machine, configuration=read, free="")
 
-    def _unlike(self, origin: Origin) -> Iterator[Problem]:
+    def _unlike(self, origin: ResponseOrigin) -> Iterator[Problem]:
         motor, now, dialect = self._rig.machine.tool.motor, self._before.configuration.standing, self._rig.dialect
         for index in (dialect.motor_index(motor, number) for number in GAINS):
-            values, of = (now[index], origin.gains[f"I{index}"]), named(index, dialect)
-            if not same(*values):
+            values, of = (now[index], origin.gains[f"I{index}"]), name_setting(index, dialect)
+            if not is_same_number(*values):
                 value, limit = (amount(each, of, self._rig.machine) for each in values)
                 yield Problem(code=CHANGED, key=f"I{index}", value=value, limit=limit)
         periods_ms = servo_cycle_ms(now[SERVO_TIME]), origin.servo_period_ms
@@ -136,7 +136,7 @@ def run_gathered(rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstil
     out_counts = rig.lathe.snapshot().tool.position  # the tool is clear of everything where it swings
     rig.lathe.program.start(PROGRAM, out_counts)  # it reads the settings first, which may take seconds
     steady_at_s = rig.clock.now_s() + sweep.steady_s
-    watch = Watch(rig=rig, plan=plan, standstill=standstill, steady_at_s=steady_at_s)
+    watch = MeasurementWatch(rig=rig, plan=plan, standstill=standstill, steady_at_s=steady_at_s)
     try:
         rig.lathe.program.follow(watch.see, sweep.longest_s + END_S)
     except DriverError as error:

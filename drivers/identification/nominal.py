@@ -7,10 +7,10 @@ import math
 from collections.abc import Callable
 
 from drivers.cutting.strategy import Strategy
-from profiles.axis.response import ServoResponse, Source, model_response, model_spread
+from profiles.axis.response import ResponseSource, ServoResponse, model_response, model_spread
 from profiles.axis.servo import sampled_response
-from profiles.compensations.certificate import Follows
-from profiles.compensations.path import delayed
+from profiles.compensations.certificate import ToolResponse
+from profiles.compensations.path import delay_response
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 
@@ -18,7 +18,7 @@ from profiles.problem import ProfileError
 def nominal_response(path: Strategy, machine: MachineProfile, frequency_hz: float) -> complex:
     """Return the response that a cut on this path inverts where no better one is known."""
     delay_s = path.traits.late_cycles(machine) * machine.controller.servo_period_ms / 1000.0
-    return delayed(complex(sampled_response(machine, frequency_hz)), frequency_hz, delay_s)
+    return delay_response(complex(sampled_response(machine, frequency_hz)), frequency_hz, delay_s)
 
 
 def path_response(path: Strategy, machine: MachineProfile) -> ServoResponse:
@@ -31,7 +31,7 @@ def loop_response(
 ) -> complex:
     """Return the loop alone at a frequency of the band: a response without the delay of the path's reference."""
     lead_s = -path.traits.late_cycles(machine) * machine.controller.servo_period_ms / 1000.0
-    return delayed(response.at(frequency_hz), frequency_hz, lead_s)
+    return delay_response(response.response_at(frequency_hz), frequency_hz, lead_s)
 
 
 def phase_difference_deg(phase_deg: float, response: complex) -> float:
@@ -44,28 +44,28 @@ UNMODELLED_DELAY_S = 0.0005
 """Delay that a machine profile knows nothing of: current loop, a bending slide. Assumed, about a servo cycle."""
 
 
-def model_follows(path: Strategy, machine: MachineProfile, frequency_hz: float) -> Follows:
+def model_follows(path: Strategy, machine: MachineProfile, frequency_hz: float) -> ToolResponse:
     """Return the response by the profile: masses and gains may be off, and something else may be late."""
     late = 2.0 * math.sin(min(math.pi * frequency_hz * UNMODELLED_DELAY_S, math.pi / 2.0))
-    return Follows(
+    return ToolResponse(
         response=nominal_response(path, machine, frequency_hz), spread=model_spread(machine, frequency_hz) + late
     )
 
 
 def follows_by_order(
     path: Strategy, machine: MachineProfile, spindle_speed_rpm: float, identified: ServoResponse | None = None
-) -> Callable[[int], Follows]:
+) -> Callable[[int], ToolResponse]:
     """Return a function of the order of a turn: as `identified` within its band, else by the profile."""
 
-    def follows(order: int) -> Follows:
+    def follows(order: int) -> ToolResponse:
         frequency_hz = order * spindle_speed_rpm / 60.0
-        if identified is not None and identified.source is Source.IDENTIFIED:
+        if identified is not None and identified.source is ResponseSource.IDENTIFIED:
             try:
-                response, spread = identified.at(frequency_hz), identified.relative_95(frequency_hz)
+                response, spread = identified.response_at(frequency_hz), identified.relative_95(frequency_hz)
             except ProfileError:  # outside of its band
                 pass
             else:
-                return Follows(response=response, spread=spread)
+                return ToolResponse(response=response, spread=spread)
         return model_follows(path, machine, frequency_hz)
 
     return follows

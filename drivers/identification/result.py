@@ -38,7 +38,7 @@ class IdentifiedPoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Origin:
+class ResponseOrigin:
     """What a response is valid for: the machine's name, the controller's firmware, gains and servo period.
 
     `gains` are Ix30 to Ix39 of the tool by their names, as they were read.
@@ -60,7 +60,7 @@ class IdentifiedResponse:
     `date` is in UTC, as in 2001-11-30T14:05:00Z.
     """
 
-    origin: Origin
+    origin: ResponseOrigin
     path: Strategy
     how: str
     delay_cycles: int

@@ -58,7 +58,7 @@ def standing_problems(rig: Rig) -> tuple[Problem, ...]:
     snapshot = rig.lathe.snapshot()
     required = {
         "machine.not_enabled": snapshot.loops_closed,
-        "machine.not_homed": homed(snapshot),
+        "machine.not_homed": is_homed(snapshot),
         "machine.moving": snapshot.at_rest,
     }
     missing = [Problem(code=code, where=rig.where) for code, holds in required.items() if not holds]
@@ -66,7 +66,7 @@ def standing_problems(rig: Rig) -> tuple[Problem, ...]:
     return (*missing, *faults)
 
 
-def homed(snapshot: Snapshot) -> bool:
+def is_homed(snapshot: Snapshot) -> bool:
     """Whether tool and carriage are homed; the spindle only stands still, at any angle."""
     return snapshot.homed_axes >= {AxisName.TOOL, AxisName.CARRIAGE}
 

@@ -102,13 +102,13 @@ class Standstill:
         background_s = 1e-3 * self._rig.machine.controller.background_ms
         for periods in CONFIRMING_PERIODS:
             self._rig.clock.wait(confirming_wait_s(periods, self._frequency_hz, background_s))
-            fastest = max(fastest, abs(self._confirmed()))
+            fastest = max(fastest, abs(self._confirm_velocity()))
         if self._stands() and fastest < MOVES_COUNTS_A_CYCLE:
             self._rig.lathe.stop.kill("identify.no_motion")
             value = f"{self._polls[-1][0]:.1f} counts"
             raise DriverError(Problem(code="identify.no_motion", key="tool", where=self._rig.where, value=value))
 
-    def _confirmed(self) -> float:
+    def _confirm_velocity(self) -> float:
         """Poll the tool alone, and return its velocity in that servo cycle, counts.
 
         Where a background cycle is half a period, every poll sees the same; and an answer of the same cycle as the

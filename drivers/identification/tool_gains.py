@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from drivers.commissioning.checked_configuration import is_same_number
 from drivers.commissioning.gains import Write, apply
-from drivers.commissioning.judged import same
 from drivers.commissioning.reading import read_settings
 from drivers.controller import Controller
 from drivers.errors import DriverError
@@ -79,11 +79,11 @@ class ToolLoop:
         return {name: value for name, value in self.names.items() if name in modelled}
 
     @property
-    def unmodelled(self) -> tuple[str, ...]:
+    def unmodelled_settings(self) -> tuple[str, ...]:
         """Return the names of settings that make the loop another one than is computed."""
         return tuple(name for name, value in self.names.items() if name not in self.gains and value != 0.0)
 
-    def on(self, machine: MachineProfile) -> MachineProfile:
+    def apply_to(self, machine: MachineProfile) -> MachineProfile:
         """Return a machine with these gains and this servo period instead of those of its profile."""
         variables = {**machine.controller.variables, **self.gains}
         controller = replace(machine.controller, variables=variables, servo_period_ms=self.servo_period_ms)
@@ -149,7 +149,7 @@ class ToolGains:
         apply(self.client, self.client.dialect, writes)
         after = self.read()
         for name, value in values.items():
-            if not same(after[name], value):
+            if not is_same_number(after[name], value):
                 each = self._write(name, value, after[name])
                 raise DriverError(
                     Problem(code="controller.not_taken", key=each.line, value=each.found, limit=each.wanted)
@@ -163,6 +163,6 @@ class ToolGains:
 def matches(found: Mapping[str, float], wanted: Mapping[str, float]) -> bool:
     """Whether every wanted gain was found; a filter that nobody wrote down is none, another gain is unknown."""
     return all(
-        same(found[name], value) if name in found else is_filter(name) and value == 0.0
+        is_same_number(found[name], value) if name in found else is_filter(name) and value == 0.0
         for name, value in wanted.items()
     )

@@ -25,7 +25,7 @@ IN_PART = "link.line_in_part"  # code: a line did not arrive as it was sent, and
 UNEXECUTED = frozenset(("link.line_differs", "link.line_unproven"))  # the same, and none of it was executed
 
 
-class Sending:
+class CommandPath:
     """The single path of commands to the controller. `has_moved`: whether a command that moves was ever sent.
 
     Without a `heartbeat` there is no watchdog: for tests only. Every method that queries or sends raises
@@ -69,12 +69,13 @@ class Sending:
         `guarded` prefixes the watchdog, once nothing prevents the command.
 
         Raises:
-            RefusedError: `machine.not_enabled`, nothing was sent; and those of `once`. No watchdog is left armed.
+            RefusedError: `machine.not_enabled`, nothing was sent; and those of `send_once`. No watchdog is left
+            armed.
         """
         try:
             if not self._poller.loops_closed and not self._poller.look().loops_closed:
                 raise RefusedError(self._problem("machine.not_enabled"))
-            self.once(line, guarded)
+            self.send_once(line, guarded)
         except RefusedError:
             self._forgo()
             raise
@@ -84,7 +85,7 @@ class Sending:
                 self._poller.look()  # a loop may have opened meanwhile: control-A would close it
             raise
 
-    def once(self, line: str, guarded: Callable[[str], str] | None = None) -> None:
+    def send_once(self, line: str, guarded: Callable[[str], str] | None = None) -> None:
         """Send a line that moves or energises. A stop that overtook it is sent again after it.
 
         The stop is repeated as soon as the line has been sent, in case its reply does not come, and again when
@@ -131,7 +132,7 @@ class Sending:
         """
         if self._heartbeat is not None:
             with suppress(DriverError):
-                self._heartbeat.ended(self._poller.quick_timeout_s)
+                self._heartbeat.end_guarding(self._poller.quick_timeout_s)
 
     def _forgo(self) -> None:
         if self._heartbeat is not None:
@@ -159,5 +160,5 @@ class Wiring:
     heartbeat: Heartbeat | None
     ownership: Ownership | None
     poller: Poller
-    sending: Sending
+    sending: CommandPath
     tables: Tables

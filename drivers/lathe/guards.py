@@ -27,7 +27,7 @@ OVERRIDE_BAND_PERCENT = 0.5
 OTHERS_COUNTS = 50.0  # of an axis at rest: position and following error are not sampled simultaneously
 
 
-def unguarded(_: Snapshot) -> tuple[Problem, ...]:
+def accept_any_state(_: Snapshot) -> tuple[Problem, ...]:
     """Find nothing: for a motion of which only its end is checked."""
     return ()
 
@@ -77,7 +77,11 @@ class OthersStill:
     def __init__(self, moving: Set[AxisName], begun: Snapshot, lengths: Lengths) -> None:
         self._lengths = lengths
         self._ranges = tuple(
-            AxisRange(axis=axis, low=state.commanded - OTHERS_COUNTS, high=state.commanded + OTHERS_COUNTS)
+            AxisRange(
+                axis=axis,
+                low=state.commanded_position - OTHERS_COUNTS,
+                high=state.commanded_position + OTHERS_COUNTS,
+            )
             for axis, state in zip(begun.driven, begun.driven_axes, strict=True)
             if axis not in moving
         )
@@ -112,12 +116,15 @@ class JogGuard:
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge the commanded position of the axis."""
-        at = snapshot.axis(self.axis).commanded
+        at = snapshot.axis(self.axis).commanded_position
         low, high = sorted((self.begin, self.end))
         held = snapshot.axis(self.axis).closed
         if not held or low - self.beyond_counts <= at <= high + self.beyond_counts:
             return self.others(snapshot)
-        value, limit = self.lengths.at(self.axis, at), self.lengths.between(self.axis, self.begin, self.end)
+        value, limit = (
+            self.lengths.format_position(self.axis, at),
+            self.lengths.format_range(self.axis, self.begin, self.end),
+        )
         return (Problem(code="machine.jog_astray", key=self.axis, value=value, limit=limit),)
 
 
@@ -136,7 +143,7 @@ class ProgramGuard:
         """Judge one poll."""
         ranges = (replace(each, high=each.high + self.further.get(each.axis, 0.0)) for each in self._ranges)
         outside = _outside(ranges, snapshot, "cut.outside_plan", self._lengths)
-        problems = (self._override(snapshot), *outside, self._stalled(snapshot))
+        problems = (self._override(snapshot), *outside, self._find_stall(snapshot))
         return tuple(problem for problem in problems if problem is not None)
 
     def _override(self, snapshot: Snapshot) -> Problem | None:
@@ -147,7 +154,7 @@ class ProgramGuard:
         limit = f"{high:g} %" if low == high else f"{low:g} to {high:g} %"
         return Problem(code="cut.override", value=f"{percent:g} %", limit=limit)
 
-    def _stalled(self, snapshot: Snapshot) -> Problem | None:
+    def _find_stall(self, snapshot: Snapshot) -> Problem | None:
         polls = self._polls
         if not snapshot.program_running:
             polls.clear()
@@ -174,6 +181,9 @@ def _outside(ranges: Iterable[AxisRange], snapshot: Snapshot, code: str, lengths
     """Report each axis commanded outside its range; an axis in open loop has no command."""
     for planned in ranges:
         axis, state = planned.axis, snapshot.axis(planned.axis)
-        if state.closed and not planned.low <= state.commanded <= planned.high:
-            value, limit = lengths.at(axis, state.commanded), lengths.between(axis, planned.low, planned.high)
+        if state.closed and not planned.low <= state.commanded_position <= planned.high:
+            value, limit = (
+                lengths.format_position(axis, state.commanded_position),
+                lengths.format_range(axis, planned.low, planned.high),
+            )
             yield Problem(code=code, key=axis, value=value, limit=limit)

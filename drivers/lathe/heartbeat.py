@@ -18,10 +18,10 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.heartbeat.arming import (
     PERMISSION,
     HeartbeatLook,
-    forbidden,
     heartbeat_problems,
     lost_problem,
-    permitted,
+    permission_problem,
+    permits_plc,
     read_heartbeat,
     silent,
 )
@@ -97,10 +97,10 @@ class Heartbeat:
         Raises RefusedError: everything that is not in order, `heartbeat.*`.
         """
         self._keeper = None
-        look, problems = self._looked()
+        look, problems = self._read_heartbeat()
         if any(problem.code in NOT_OURS for problem in problems):
             self._client.download(set_up_lines(self._machine, self._dialect, self.policy))
-            look, problems = self._looked()
+            look, problems = self._read_heartbeat()
         if problems:
             raise RefusedError(*problems)
         self._i10 = look.i10
@@ -108,7 +108,7 @@ class Heartbeat:
 
     def problems(self) -> tuple[Problem, ...]:
         """Return the problems of a prepared heartbeat; before `prepare` nothing is queried."""
-        return () if self._keeper is None else self._looked()[1]
+        return () if self._keeper is None else self._read_heartbeat()[1]
 
     def jog(self, line: str) -> str:
         """Return a jog command with its watchdog before it, to be sent at once."""
@@ -120,10 +120,10 @@ class Heartbeat:
 
     def renewal(self) -> str:
         """Return the renewal to prefix to a line sent at once; "" when nothing is guarded. Raises as `pause`."""
-        keeper = self._kept()
+        keeper = self._current_keeper()
         if keeper is None:
             return ""
-        self._keeper = keeper.renewed(self._clock.now_s())
+        self._keeper = keeper.record_renewal(self._clock.now_s())
         return keeper.line
 
     @property
@@ -158,7 +158,7 @@ class Heartbeat:
         """
         end_s = self._clock.now_s() + seconds
         while True:
-            due_s = self._renewed(timeout_s)
+            due_s = self._renew_watchdog(timeout_s)
             now_s = self._clock.now_s()
             if now_s >= end_s:
                 return
@@ -191,7 +191,7 @@ class Heartbeat:
         """Return `heartbeat.plc_silent` if the PLC no longer guards what moves, else None."""
         return self._echo.problem if self.guarding else None
 
-    def ended(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
+    def end_guarding(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
         """End the guarding of a finished motion; the watchdog may expire.
 
         Raises:
@@ -210,7 +210,7 @@ class Heartbeat:
         """Clear the record of an ended motion: an operator has acknowledged it."""
         self._client.request(LOSS_SEEN)
 
-    def _looked(self) -> tuple[HeartbeatLook, tuple[Problem, ...]]:
+    def _read_heartbeat(self) -> tuple[HeartbeatLook, tuple[Problem, ...]]:
         """Read the heartbeat, and again where only the rate is off: a delayed host also reads a wrong rate.
 
         No rate is judged while a simulated lathe holds its time.
@@ -229,7 +229,7 @@ class Heartbeat:
             raise RefusedError(Problem(code="heartbeat.not_prepared", where=self._client.link.address))
         self._refuse_silent()
         self.guarding, self._lapsed, self._echo = True, None, EchoWatch()
-        self._keeper = self._keeper.renewed(self._clock.now_s())
+        self._keeper = self._keeper.record_renewal(self._clock.now_s())
         return self._keeper
 
     def _refuse_silent(self) -> None:
@@ -237,14 +237,14 @@ class Heartbeat:
         items, end_s = (f"I{PERMISSION}", f"P{ECHO}", f"P{OWNER}"), self._clock.now_s() + PULSE_TIMEOUT_S
         permission, first, self._owner = self._client.numbers(*items, again=True)
         self._owner_seen(self._owner)
-        if not permitted(permission):
-            raise RefusedError(forbidden(permission))
+        if not permits_plc(permission):
+            raise RefusedError(permission_problem(permission))
         while self._client.numbers(*items, again=True)[1] == first:
             if self._clock.now_s() > end_s:
                 raise RefusedError(silent(first, first))
             self._clock.wait(PULSE_POLL_S)
 
-    def _kept(self) -> Keeper | None:
+    def _current_keeper(self) -> Keeper | None:
         """Return the keeper of what is guarded now, None when nothing is; raise when that has lapsed.
 
         A late host queries whether the watchdog is still armed, with enough time left for a renewal. Under another
@@ -253,7 +253,7 @@ class Heartbeat:
         keeper = self._keeper
         if not self.guarding or keeper is None:
             return None
-        if keeper.lapsed(self._clock.now_s()):
+        if keeper.has_lapsed(self._clock.now_s()):
             items = (f"P{LOST}", f"P{OWNER}", watchdog_timer(self._dialect).name)
             lost, owner, watchdog = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
             armed = not lost and owner == self._owner and watchdog > cycles_of(PERIOD_MS, self._i10)
@@ -267,7 +267,7 @@ class Heartbeat:
         A missing answer is not fatal: the next poll carries a renewal too.
         """
         asked_s = self._clock.now_s()
-        self._echo.asked(asked_s)
+        self._echo.record_query(asked_s)
         try:
             (echo,) = self._client.request(f"{line} P{ECHO}", timeout_s, lines=1)
             self._echo.see(self._client.number(echo), asked_s)
@@ -275,12 +275,12 @@ class Heartbeat:
             if is_gone(error):
                 raise
 
-    def _renewed(self, timeout_s: float) -> float:
-        keeper = self._kept()
+    def _renew_watchdog(self, timeout_s: float) -> float:
+        keeper = self._current_keeper()
         if keeper is None:
             return math.inf
         now_s = self._clock.now_s()
         if now_s >= min(keeper.due_s(now_s), self._echo.due_s):
-            self._keeper = keeper = keeper.renewed(now_s)
+            self._keeper = keeper = keeper.record_renewal(now_s)
             self._send(keeper.line, timeout_s)
         return min(keeper.due_s(now_s), self._echo.due_s)

@@ -31,8 +31,8 @@ class HeldPositions:
         self._lengths = Lengths(machine)
         axes = driven_axes(machine)
         units = {axis: settings_of(machine, axis).counts_per_unit for axis in axes}
-        self._bands = {axis: units[axis] * _of(axis, BAND_MM, BAND_DEG) for axis in axes}
-        self._jumps = {axis: units[axis] * _of(axis, LEAST_JUMP_MM, LEAST_JUMP_DEG) for axis in axes}
+        self._bands = {axis: units[axis] * _choose_position(axis, BAND_MM, BAND_DEG) for axis in axes}
+        self._jumps = {axis: units[axis] * _choose_position(axis, LEAST_JUMP_MM, LEAST_JUMP_DEG) for axis in axes}
         self._held: dict[AxisName, float] = {}
         self._seen: dict[AxisName, float] = {}
         self._closed: dict[AxisName, bool] = {}
@@ -58,13 +58,13 @@ class HeldPositions:
         for axis in snapshot.driven:
             state = snapshot.axis(axis)
             if state.closed and {HOMED, AT_REST} <= state.flags:
-                self._held[axis], self._closed[axis] = state.commanded, True
+                self._held[axis], self._closed[axis] = state.commanded_position, True
 
     def trust(self, axis: AxisName) -> None:
         """Judge an axis by its own flag again, which a home search has just cleared."""
         self.shifted.pop(axis, None)
 
-    def judged(self, snapshot: Snapshot, *, ours: bool) -> Snapshot:
+    def judge_poll(self, snapshot: Snapshot, *, ours: bool) -> Snapshot:
         """Return a poll without the home of axes that are not where they were left.
 
         `ours` is whether this console has control: what another one moves is no shift.
@@ -95,7 +95,7 @@ class HeldPositions:
         elif program or AT_REST not in state.flags:
             self._seen.pop(axis, None)  # somebody moves it: where it comes to rest is judged
         else:
-            self._judge_closed(axis, state.commanded)
+            self._judge_closed(axis, state.commanded_position)
 
     def _judge_closed(self, axis: AxisName, at: float) -> None:
         held, seen = self._held.get(axis), self._seen.get(axis)
@@ -118,9 +118,9 @@ class HeldPositions:
         self._seen[axis] = at
 
     def _shift(self, axis: AxisName, counts: float) -> None:
-        self.shifted[axis] = self._lengths.at(axis, counts)
+        self.shifted[axis] = self._lengths.format_position(axis, counts)
         self._held.pop(axis, None)
 
 
-def _of(axis: AxisName, length_mm: float, angle_deg: float) -> float:
+def _choose_position(axis: AxisName, length_mm: float, angle_deg: float) -> float:
     return angle_deg if axis is AxisName.SPINDLE else length_mm

@@ -9,7 +9,7 @@ from drivers.errors import DriverError, RefusedError
 from drivers.lathe.commands import Wiring
 from drivers.lathe.guards import JogGuard, OthersStill
 from drivers.lathe.lengths import Lengths, motor_of, settings_of
-from drivers.lathe.motion import Motion, refuse_beyond_travel
+from drivers.lathe.motion import MotionWaits, refuse_beyond_travel
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot, driven_axes
 from drivers.lathe.standstill import ARRIVED_COUNTS, HomeSearch, Settling, nearly_arrived
 from drivers.pmac.language.text import format_number
@@ -27,7 +27,7 @@ def band_counts(machine: MachineProfile, axis: AxisName) -> float:
 class Jogs:
     """The jogs of one machine."""
 
-    def __init__(self, wiring: Wiring, motion: Motion) -> None:
+    def __init__(self, wiring: Wiring, motion: MotionWaits) -> None:
         self._machine, self._poller, self._stop = wiring.machine, wiring.poller, wiring.stop
         self._motion, self._tables, self._send = motion, wiring.tables, wiring.sending.jog
         self._lengths = Lengths(wiring.machine)
@@ -45,7 +45,7 @@ class Jogs:
                 continue
             now = self._poller.look()
             self._refuse_shifted(now, homed)
-            others = self._others(axis, now)
+            others = self._guard_others(axis, now)
             self._send(f"#{motor_of(self._machine, axis)}HM")
             self._poller.positions.trust(axis)  # its flag is down until the zero is found
             braking_s = settings_of(self._machine, axis).home_braking_s
@@ -77,7 +77,7 @@ class Jogs:
         Raises:
             DriverError: `controller.zero_shifted`, nothing was sent; `machine.timeout`,
                 `machine.fault`, `machine.not_arrived`, or, while it moves, `machine.jog_astray`,
-                `machine.unexpected_motion` and those of `Motion.until`.
+                `machine.unexpected_motion` and those of `MotionWaits.until`.
         """
         guard = self._jog_guard(axis, counts + held_counts, outward=outward)
         self._send(f"#{motor_of(self._machine, axis)}J={format_number(counts)}")
@@ -87,9 +87,12 @@ class Jogs:
         last = self._motion.until(done, timeout_s, f"jog {axis}", guard=guard)
         self._poller.positions.hold(last)
         state = last.axis(axis)
-        if abs(state.commanded - counts - held_counts) > ARRIVED_COUNTS:
+        if abs(state.commanded_position - counts - held_counts) > ARRIVED_COUNTS:
             # It rests, but not at its target: somebody else, or the controller itself, has ended the jog.
-            value, limit = self._lengths.at(axis, state.commanded), self._lengths.at(axis, counts)
+            value, limit = (
+                self._lengths.format_position(axis, state.commanded_position),
+                self._lengths.format_position(axis, counts),
+            )
             self._stop.stop(f"jog {axis}")
             raise DriverError(Problem(code="machine.not_arrived", key=axis, value=value, limit=limit))
 
@@ -101,10 +104,10 @@ class Jogs:
         settings = settings_of(self._machine, axis)
         return JogGuard(
             axis=axis,
-            begin=now.axis(axis).commanded,
+            begin=now.axis(axis).commanded_position,
             end=end,
             beyond_counts=settings.jog_speed * READ_S * settings.counts_per_unit + ARRIVED_COUNTS,
-            others=self._others(axis, now),
+            others=self._guard_others(axis, now),
             lengths=self._lengths,
         )
 
@@ -115,19 +118,19 @@ class Jogs:
             values = ", ".join(now.shifted[axis] for axis in shifted)
             raise RefusedError(Problem(code="controller.zero_shifted", key=", ".join(shifted), value=values))
 
-    def _others(self, axis: AxisName, begun: Snapshot) -> OthersStill:
+    def _guard_others(self, axis: AxisName, begun: Snapshot) -> OthersStill:
         """Return the guard of the axes that do not jog; with a table on, the tool follows another axis."""
         follows = axis is not AxisName.TOOL and self._tables.are_on()
         return OthersStill({axis, AxisName.TOOL} if follows else {axis}, begun, self._lengths)
 
-    def by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
+    def jog_by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
         """Jog one axis by an increment in counts from its commanded position.
 
         Raises DriverError: `machine.moving`, `machine.not_enabled`, `machine.beyond_travel`, and those of `to`.
         """
         state = self._ready_to_jog(axis)
         held = self._tables.correction_counts() if axis is AxisName.TOOL else 0.0
-        end = state.commanded - held + counts
+        end = state.commanded_position - held + counts
         refuse_beyond_travel(self._machine, axis, end)
         self.to(axis, end, timeout_s, settle=False, held_counts=held)
 
@@ -144,7 +147,7 @@ class Jogs:
         if abs(to_counts - here) <= settings_of(self._machine, AxisName.TOOL).in_position_counts:
             return
         if to_counts > here:
-            value, limit = (self._lengths.at(AxisName.TOOL, each) for each in (to_counts, here))
+            value, limit = (self._lengths.format_position(AxisName.TOOL, each) for each in (to_counts, here))
             raise RefusedError(
                 Problem(code="machine.retract_direction", key=AxisName.TOOL, value=value, limit=f"< {limit}")
             )

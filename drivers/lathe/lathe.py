@@ -11,22 +11,22 @@ from contextlib import suppress
 from dataclasses import replace
 
 from drivers.clock import Clock
+from drivers.commissioning.checked_configuration import stated_settings_of
 from drivers.commissioning.comparison import profile_problems, setting_problems
-from drivers.commissioning.judged import stated_settings_of
 from drivers.controller import Controller
 from drivers.cutting.cut_program import STOPPED_BY_ITEM, CutProgram
 from drivers.cutting.tables import Tables
 from drivers.errors import DriverError, RefusedError
-from drivers.lathe.commands import Sending, Wiring
+from drivers.lathe.commands import CommandPath, Wiring
+from drivers.lathe.console_role import NOBODY, ConsoleRole, Signature
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.held_positions import HeldPositions
 from drivers.lathe.jogs import Jogs
 from drivers.lathe.lengths import motor_of
-from drivers.lathe.motion import Motion
+from drivers.lathe.motion import MotionWaits
 from drivers.lathe.ownership import Ownership, read_signature, sign
 from drivers.lathe.polling import POLL_TIMEOUT_S, Poller, SnapshotItems
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
-from drivers.lathe.standing import NOBODY, Signature, Standing
 from drivers.lathe.standstill import prove_rest, rest_limits
 from drivers.lathe.stop import StopPath
 from drivers.pmac.dialect import DIALECTS, dialect_of
@@ -72,7 +72,7 @@ class Lathe:
         self._poller = Poller(
             client, clock, stop, items, held, seen=seen, heartbeat=heartbeat, ownership=ownership
         )
-        self._sending = Sending(client, stop, self._poller, heartbeat, ownership)
+        self._sending = CommandPath(client, stop, self._poller, heartbeat, ownership)
         wiring = Wiring(
             client=client,
             machine=machine,
@@ -84,9 +84,9 @@ class Lathe:
             sending=self._sending,
             tables=Tables(client, machine),
         )
-        motion = Motion(wiring, lambda: self.program.end_after_turn())
+        motion = MotionWaits(wiring, lambda: self.program.end_after_turn())
         jogs = Jogs(wiring, motion)
-        self.home, self.jog_to, self.jog_by, self.retract = jogs.home, jogs.to, jogs.by, jogs.retract
+        self.home, self.jog_to, self.jog_by, self.retract = jogs.home, jogs.to, jogs.jog_by, jogs.retract
         self.program = CutProgram(wiring, motion)
 
     @property
@@ -161,7 +161,7 @@ class Lathe:
 
     def sign(self, name: str, host: str, minute: int) -> None:
         """Write into the controller who has claimed it; a failure affects nothing, the next poll reports it."""
-        if self.ownership is not None and self.ownership.standing is Standing.OWNER:
+        if self.ownership is not None and self.ownership.standing is ConsoleRole.OWNER:
             with suppress(DriverError):
                 mark = Signature(number=self.ownership.number, name=name, host=host, minute=minute)
                 sign(self._client, mark)
@@ -217,7 +217,7 @@ class Lathe:
     def begin_witness(self, feed: tuple[float, float]) -> None:
         """Let the witness begin anew, at rest; in its `feed` the carriage is between two places, counts."""
         if self.witness is not None:
-            at_counts = self.snapshot().carriage.commanded
+            at_counts = self.snapshot().carriage.commanded_position
             self._sending.refuse_unless_owner()
             self.witness.begin(at_counts, *feed)
 
@@ -241,7 +241,7 @@ class Lathe:
             if self.witness is not None:
                 self.witness.prepare()
         for axis in self.driven:
-            self._sending.once(f"#{motor_of(self.machine, axis)}J/")
+            self._sending.send_once(f"#{motor_of(self.machine, axis)}J/")
         if not self.snapshot().loops_closed:
             raise DriverError(Problem(code="machine.not_enabled", where=self._client.link.address))
 
@@ -282,7 +282,7 @@ class Lathe:
             self._heartbeat.loss_seen()
 
     @property
-    def unguarded(self) -> Problem | None:
+    def find_guard_problem(self) -> Problem | None:
         """Return the fault of the guard of the present motion: `heartbeat.plc_silent`, or None."""
         return None if self._heartbeat is None else self._heartbeat.silent
 
@@ -293,5 +293,5 @@ class Lathe:
     @property
     def anothers(self) -> bool:
         """Whether another console controls the machine and nothing moves on behalf of this one."""
-        apart = self.ownership is not None and self.ownership.standing is not Standing.OWNER
+        apart = self.ownership is not None and self.ownership.standing is not ConsoleRole.OWNER
         return apart and not (self._heartbeat is not None and self._heartbeat.guarding)

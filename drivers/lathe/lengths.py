@@ -35,17 +35,17 @@ class Lengths:
         assert unit is not None, "every axis of a machine has a motor that it knows"
         return unit
 
-    def at(self, axis: AxisName, counts: float) -> str:
+    def format_position(self, axis: AxisName, counts: float) -> str:
         """Return a position with its unit, such as `41.618 mm` or `12.34 deg`."""
         return f"{self._number(axis, counts)} {self.unit(axis).name}"
 
-    def between(self, axis: AxisName, low: float, high: float) -> str:
+    def format_range(self, axis: AxisName, low: float, high: float) -> str:
         """Return a range of positions with its unit."""
-        return f"{self._number(axis, low)} to {self.at(axis, high)}"
+        return f"{self._number(axis, low)} to {self.format_position(axis, high)}"
 
-    def around(self, axis: AxisName, counts: float, band: float) -> str:
+    def format_tolerance(self, axis: AxisName, counts: float, band: float) -> str:
         """Return a position with its tolerance, both with their unit."""
-        return f"{self._number(axis, counts)} ± {self.at(axis, band)}"
+        return f"{self._number(axis, counts)} ± {self.format_position(axis, band)}"
 
     def _number(self, axis: AxisName, counts: float) -> str:
         return f"{counts * self.unit(axis).per_count:z.{_DECIMALS[axis]}f}"

@@ -14,12 +14,12 @@ from itertools import count, repeat
 
 from drivers.errors import DriverError, RefusedError
 from drivers.lathe.commands import Wiring
-from drivers.lathe.guards import Guard, open_loop_problem, reset_problem, unguarded
+from drivers.lathe.console_role import ConsoleRole
+from drivers.lathe.guards import Guard, accept_any_state, open_loop_problem, reset_problem
 from drivers.lathe.heartbeat import LAPSED, Heartbeat
 from drivers.lathe.lengths import Lengths, motor_of, settings_of
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.standing import Standing
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.motor_settings import MotorSettings
@@ -79,7 +79,7 @@ def _of_axis(machine: MachineProfile, axis: AxisName, polls: list[Snapshot]) -> 
     return Problem(code="machine.tool_left_behind", where=friction, key=assumed, value=value, limit=allowed)
 
 
-class Motion:
+class MotionWaits:
     """The waits of one machine. Travel limits on which an axis stands when it begins to move off are no fault."""
 
     def __init__(self, wiring: Wiring, hold: Callable[[], None]) -> None:
@@ -95,7 +95,7 @@ class Motion:
         what: str,
         watch: Callable[[Snapshot], None] | None = None,
         *,
-        guard: Guard = unguarded,
+        guard: Guard = accept_any_state,
         homing: AxisName | None = None,
         waits: Callable[[], bool] = lambda: False,
     ) -> Snapshot:
@@ -110,9 +110,9 @@ class Motion:
                 `heartbeat.plc_silent`, see `_end_unguarded`; and what ends it from outside, see `_next_poll`.
         """
         with self._poller.positions.commanding():
-            return self._followed(done, timeout_s, what, watch, guard, homing, waits)
+            return self._follow_motion(done, timeout_s, what, watch, guard, homing, waits)
 
-    def _followed(
+    def _follow_motion(
         self,
         done: Callable[[Snapshot], bool],
         timeout_s: float,
@@ -128,7 +128,7 @@ class Motion:
         homed = frozenset() if last is None else last.homed_axes - {homing}
         standing_on = frozenset() if watch is not None or last is None else last.limits
         alone: tuple[Problem, ...] = ()
-        pauses_s = _pauses_s(of_cut=guard is not unguarded) if watch is not None else repeat(JOG_POLL_S)
+        pauses_s = _pauses_s(of_cut=guard is not accept_any_state) if watch is not None else repeat(JOG_POLL_S)
         while True:
             before, snapshot = self._poller.last, self._next_poll(next(pauses_s), deadline, watch, homed)
             faults = snapshot.axis_faults if watch is None else snapshot.faults
@@ -141,7 +141,7 @@ class Motion:
                 watch(snapshot)
             if done(snapshot):
                 if self._heartbeat is not None:
-                    self._heartbeat.ended()
+                    self._heartbeat.end_guarding()
                 if alone:
                     raise DriverError(*alone)
                 return snapshot
@@ -234,7 +234,7 @@ class Motion:
             snapshot = self._poller.look()
             if snapshot.at_rest and not heartbeat.is_ending():
                 return
-            if self._ownership is not None and self._ownership.standing is Standing.OUSTED:
+            if self._ownership is not None and self._ownership.standing is ConsoleRole.OUSTED:
                 return  # what moves now is another console's
             if watch is not None:
                 watch(snapshot)
@@ -246,9 +246,9 @@ def refuse_beyond_travel(machine: MachineProfile, axis: AxisName, counts: float)
     settings, lengths, limit = settings_of(machine, axis), Lengths(machine), ""
     high, low = settings.highest_counts, settings.lowest_counts
     if high is not None and counts > high:
-        limit = f"<= {lengths.at(axis, high)}"
+        limit = f"<= {lengths.format_position(axis, high)}"
     if low is not None and counts < low:
-        limit = f">= {lengths.at(axis, low)}"
+        limit = f">= {lengths.format_position(axis, low)}"
     if limit:
-        value = lengths.at(axis, counts)
+        value = lengths.format_position(axis, counts)
         raise RefusedError(Problem(code="machine.beyond_travel", key=axis, value=value, limit=limit))

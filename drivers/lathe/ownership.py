@@ -20,7 +20,7 @@ from random import Random, SystemRandom
 
 from drivers.controller import Controller
 from drivers.errors import DriverError, LinkError, RefusedError
-from drivers.lathe.standing import MOST_OF_A_HOST, NOBODY, Signature, Standing
+from drivers.lathe.console_role import MOST_OF_A_HOST, NOBODY, ConsoleRole, Signature
 from drivers.link.base import is_gone
 from drivers.pmac.language.text import format_number
 from drivers.pmac.reserved import OWNER, SIGNATURE
@@ -53,15 +53,15 @@ class Ownership:
     """
 
     def __init__(self, client: Controller, random: Random | None = None) -> None:
-        self.standing, self.holder = Standing.OBSERVER, NOBODY
+        self.standing, self.holder = ConsoleRole.OBSERVER, NOBODY
         self.number = (random or SystemRandom()).randint(1, HIGHEST)
         self._client, self._unanswered = client, False
 
     def see(self, held: float) -> None:
         """Process the owner read by a poll."""
         self.holder = int(held)
-        if self.standing is Standing.OWNER and self.holder != self.number:
-            self.standing = Standing.OUSTED
+        if self.standing is ConsoleRole.OWNER and self.holder != self.number:
+            self.standing = ConsoleRole.OUSTED
 
     def claim(self) -> None:
         """Claim a machine that has no owner.
@@ -72,7 +72,7 @@ class Ownership:
         """
         self.see(self._read())
         if self.holder not in (NOBODY, self.number):
-            raise self._held()
+            raise self._held_error()
         self._become_owner(NOBODY)
 
     def take_control(self, *, at_rest: bool) -> int:
@@ -91,17 +91,17 @@ class Ownership:
 
     def release(self) -> None:
         """Release control if it is still ours, also after a claim that was never answered."""
-        given = self.standing is Standing.OWNER or self._unanswered
-        self.standing = Standing.CHANGING if given else Standing.OBSERVER
+        given = self.standing is ConsoleRole.OWNER or self._unanswered
+        self.standing = ConsoleRole.CHANGING if given else ConsoleRole.OBSERVER
         try:
             if given:
                 self._client.request(exchange_line(self.number, NOBODY), lines=1)
         finally:
-            self.standing, self.holder, self._unanswered = Standing.OBSERVER, NOBODY, False
+            self.standing, self.holder, self._unanswered = ConsoleRole.OBSERVER, NOBODY, False
 
     def refuse_ousted(self) -> None:
         """Make sure that this console still controls the motion. Raises DriverError: `owner.ousted`."""
-        if self.standing is Standing.OUSTED:
+        if self.standing is ConsoleRole.OUSTED:
             raise DriverError(self._problem("owner.ousted", str(self.holder), str(self.number)))
 
     def refuse_unless_owner(self) -> None:
@@ -109,10 +109,10 @@ class Ownership:
 
         Raises RefusedError: `owner.held`, or `owner.observer` when it has not claimed control.
         """
-        if self.standing is Standing.OWNER:
+        if self.standing is ConsoleRole.OWNER:
             return
         if self.holder not in (NOBODY, self.number):
-            raise self._held()
+            raise self._held_error()
         raise RefusedError(self._problem("owner.observer"))
 
     def _read(self) -> float:
@@ -121,21 +121,21 @@ class Ownership:
 
     def _become_owner(self, before: float) -> None:
         """Replace `before` by this console's number, and verify that it is there."""
-        self.standing, self._unanswered = Standing.CHANGING, True
+        self.standing, self._unanswered = ConsoleRole.CHANGING, True
         held = None
         try:
-            held = self._exchanged(before)
+            held = self._exchange_owner(before)
             if held == NOBODY != before:  # released at this very moment
-                held = self._exchanged(NOBODY)
+                held = self._exchange_owner(NOBODY)
         finally:
-            self.standing = Standing.OWNER if held == self.number else Standing.OBSERVER
+            self.standing = ConsoleRole.OWNER if held == self.number else ConsoleRole.OBSERVER
         self.holder, self._unanswered = int(held), False
         if held in (NOBODY, before) and held != self.number:
             raise LinkError(self._problem("owner.not_kept", f"{held:.0f}", str(self.number)))
         if held != self.number:
-            raise self._held()
+            raise self._held_error()
 
-    def _exchanged(self, before: float) -> float:
+    def _exchange_owner(self, before: float) -> float:
         """Send the exchange once; return the owner after it. A lost answer is queried."""
         try:
             (answer,) = self._client.request(exchange_line(before, self.number), lines=1)
@@ -145,7 +145,7 @@ class Ownership:
             return self._read()
         return self._client.number(answer)
 
-    def _held(self) -> RefusedError:
+    def _held_error(self) -> RefusedError:
         return RefusedError(self._problem("owner.held", str(self.holder)))
 
     def _problem(self, code: str, value: str = "", limit: str = "") -> Problem:
@@ -159,7 +159,7 @@ def sign(client: Controller, signature: Signature) -> None:
 
 def signing_line(signature: Signature) -> str:
     """Return the line that writes a signature."""
-    values = (signature.number, signature.minute, *_packed(signature.name), *_packed(signature.host))
+    values = (signature.number, signature.minute, *_pack_text(signature.name), *_pack_text(signature.host))
     return " ".join(f"{item}={value}" for item, value in zip(ITEMS, values, strict=True))
 
 
@@ -168,16 +168,16 @@ def read_signature(client: Controller, holder: int) -> Signature | None:
     number, minute, *text = client.numbers(*ITEMS, again=True)
     if int(number) != holder or not 0 <= minute < 2**31:
         return None
-    name, host = _unpacked(text[:_EACH]), _unpacked(text[_EACH:])
+    name, host = _unpack_text(text[:_EACH]), _unpack_text(text[_EACH:])
     return Signature(number=holder, name=name, host=host, minute=int(minute)) if name else None
 
 
-def _packed(text: str) -> tuple[int, ...]:
+def _pack_text(text: str) -> tuple[int, ...]:
     data = text.encode("utf-8", "replace")[:BYTES].decode("utf-8", "ignore").encode("utf-8").ljust(BYTES, b"\0")
     return tuple(int.from_bytes(data[at : at + _PER_VARIABLE], "big") for at in range(0, BYTES, _PER_VARIABLE))
 
 
-def _unpacked(values: Sequence[float]) -> str:
+def _unpack_text(values: Sequence[float]) -> str:
     """Return the text of these variables; "" if they hold anything else."""
     if not all(0 <= value < 2 ** (8 * _PER_VARIABLE) and value == int(value) for value in values):
         return ""

@@ -17,12 +17,12 @@ from drivers.clock import Clock
 from drivers.controller import REPLY_TIMEOUT_S, Controller
 from drivers.cutting.watch_table import CutWatch, WatchItem, values_of
 from drivers.errors import DriverError, LinkError
+from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.held_positions import HeldPositions
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.safety import inputs_of
 from drivers.lathe.snapshot import AxisState, Snapshot, driven_axes
-from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
 from drivers.link.base import is_gone
 from drivers.pmac import reserved
@@ -172,7 +172,7 @@ class Poller:
 
     @property
     def _is_ours(self) -> bool:
-        return self._ownership is None or self._ownership.standing is Standing.OWNER
+        return self._ownership is None or self._ownership.standing is ConsoleRole.OWNER
 
     @property
     def quick_timeout_s(self) -> float:
@@ -198,7 +198,7 @@ class Poller:
             raise
         if self._ownership is not None:
             self._ownership.see(read.owner)
-        snapshot = self.positions.judged(read, ours=self._is_ours)
+        snapshot = self.positions.judge_poll(read, ours=self._is_ours)
         # The same control-A would close a motor that is not ours, so that must be known, too.
         self._stop.loops_closed = snapshot.nothing_open and self.verified
         self.last = snapshot

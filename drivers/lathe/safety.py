@@ -48,7 +48,7 @@ def inputs_of(safety: Safety) -> tuple[SafetyInput, ...]:
 
 def safety_problems(machine: MachineProfile, inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
     """Return why nobody may be near this machine while it moves; `inputs` are the devices that were read."""
-    return (*_unfitted(machine.safety), *device_problems(inputs))
+    return (*_find_unfitted_devices(machine.safety), *device_problems(inputs))
 
 
 def device_problems(inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
@@ -58,7 +58,7 @@ def device_problems(inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
     )
 
 
-def _unfitted(safety: Safety) -> Iterator[Problem]:
+def _find_unfitted_devices(safety: Safety) -> Iterator[Problem]:
     for device, fitted in safety.devices.items():
         key = f"safety.{device}"
         if fitted == NOT_FITTED and not is_signature(safety.signed_by):

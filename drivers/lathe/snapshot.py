@@ -30,7 +30,7 @@ class AxisState:
     flags: frozenset[str]
 
     @property
-    def commanded(self) -> float:
+    def commanded_position(self) -> float:
         """The commanded position: actual position plus following error."""
         return self.position + self.following_error
 

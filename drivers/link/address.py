@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 
 from drivers.errors import LinkError
-from drivers.placed import Placed
+from drivers.lathe_placement import LathePlacement
 from profiles.problem import Problem
 
 HIGHEST_PORT = 65_535
@@ -36,7 +36,7 @@ class TcpAddress:
     port: int
 
     def __str__(self) -> str:
-        return f"tcp:{_bracketed(self.host)}:{self.port}"
+        return f"tcp:{_bracket_host(self.host)}:{self.port}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +49,7 @@ class EthernetAddress:
 
     def __str__(self) -> str:
         port = "" if self.port == ETHERNET_PORT else f":{self.port}"
-        return f"ethernet:{_bracketed(self.host)}{port}{_RESERVED if self.reserves_stop else ''}"
+        return f"ethernet:{_bracket_host(self.host)}{port}{_RESERVED if self.reserves_stop else ''}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +79,7 @@ class SimulatedAddress:
     seed: int | None = None
     clamping_sd_percent: float | None = None
     blind: bool = False
-    placed: Placed | None = None
+    placed: LathePlacement | None = None
     goes_on: bool = False
 
     def __str__(self) -> str:
@@ -128,7 +128,7 @@ def parse_device(text: str) -> SerialAddress:
     device = device if asked else text
     whole = device.startswith("/") and not device.endswith(("/", ":")) and device.isprintable()
     bare_rate = not asked and _needs_rate(device)
-    if not whole or " " in device or bare_rate or name != "baud" or not _within(rate, 1, HIGHEST_BAUD_RATE):
+    if not whole or " " in device or bare_rate or name != "baud" or not _is_within(rate, 1, HIGHEST_BAUD_RATE):
         raise _bad_address(f"serial:{text}", _SERIAL_FORM)
     return SerialAddress(device=device, baud_rate=int(rate))
 
@@ -143,18 +143,18 @@ def _host_and_port(text: str, whole: str, form: str, lowest_port: int = 1) -> tu
     host = host[1:-1] if bracketed else host
     # Without brackets the port of an IPv6 address cannot be told from its last group.
     readable = host and not (":" in host and not bracketed) and not re.search(r"[\s\[\]/?]", host)
-    if not colon or not readable or not host.isprintable() or not _within(port, lowest_port, HIGHEST_PORT):
+    if not colon or not readable or not host.isprintable() or not _is_within(port, lowest_port, HIGHEST_PORT):
         raise _bad_address(whole, form)
     return host, int(port)
 
 
-def _within(digits: str, lowest: int, highest: int) -> bool:
+def _is_within(digits: str, lowest: int, highest: int) -> bool:
     # Check the length first: int() refuses numbers of thousands of digits.
     short = 0 < len(digits) <= len(str(highest)) and digits.isascii() and digits.isdigit()
     return short and lowest <= int(digits) <= highest
 
 
-def _bracketed(host: str) -> str:
+def _bracket_host(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 

@@ -85,7 +85,7 @@ class StopConnection:
         self._connection.close()
 
 
-class Asked(Enum):
+class RequestPurpose(Enum):
     """The purpose of a request."""
 
     LINE = auto()
@@ -102,18 +102,19 @@ class BoardReplies:
     counted by the requests, answers by their ends. So the answer to a stop is distinguished from that to the line
     before it, however the network splits the bytes, and wherever in a long answer the stop came.
 
-    `asked` may be called from any thread, before the request is sent; the rest belongs to the reading thread.
+    `record_request` may be called from any thread, before the request is sent; the rest belongs to the reading
+    thread.
     """
 
     def __init__(self) -> None:
-        self._asked: deque[Asked] = deque()
-        self._owed: deque[Asked] = deque()
+        self._asked: deque[RequestPurpose] = deque()
+        self._owed: deque[RequestPurpose] = deque()
         self._pieces = 0
         self._flushes = 0
         self._piece = bytearray()
         self._passed_on = 0
 
-    def asked(self, what: Asked) -> None:
+    def record_request(self, what: RequestPurpose) -> None:
         """Record a request, in the order of sending."""
         self._asked.append(what)
 
@@ -146,14 +147,14 @@ class BoardReplies:
     def _follow(self) -> None:
         while self._asked:
             what = self._asked.popleft()
-            if what is Asked.FLUSH:
+            if what is RequestPurpose.FLUSH:
                 self._owed.clear()
                 self._pieces = 0
                 self._begin_piece()
                 self._flushes += 1
             else:
                 self._pieces += 1
-                if what is not Asked.MORE:
+                if what is not RequestPurpose.MORE:
                     self._owed.append(what)
 
     def _discard(self, data: bytes) -> bytes:
@@ -171,7 +172,7 @@ class BoardReplies:
         length = len(NOTHING) if nothing else buffer_length(self._piece, REPLY_LIMIT)
         end = length or len(self._piece)
         piece, rest = bytes(self._piece[:end]), bytes(self._piece[end:])
-        of_stop = bool(self._owed) and self._owed[0] is Asked.STOP
+        of_stop = bool(self._owed) and self._owed[0] is RequestPurpose.STOP
         if not of_stop:
             said += piece[self._passed_on :]
             self._passed_on = end
@@ -236,11 +237,11 @@ class EthernetLink:
                 self._await_replies()
                 self._patience_s = None
                 self._asked_last = line.decode("latin-1")
-                self._request(_get_response(line), Asked.LINE)
+                self._request(_get_response(line), RequestPurpose.LINE)
             elif part == FLUSH:
                 self._line = b""
                 self._asked_last = "^X"
-                self._request(_FLUSH, Asked.FLUSH)
+                self._request(_FLUSH, RequestPurpose.FLUSH)
             elif part != b"\n":
                 self._line += part
 
@@ -248,7 +249,7 @@ class EthernetLink:
         """Send a stop on its own connection, or after the request in flight. Raises LinkError: `link.lost`."""
         stop = _get_response(data)
         if self._stops is None or not self._stops.send(stop.encode()):
-            self._request(stop, Asked.STOP)
+            self._request(stop, RequestPurpose.STOP)
 
     def receive(self, timeout_s: float) -> bytes:
         """Return the reply text within `timeout_s`. Raises LinkError: `link.lost`, `link.closed`."""
@@ -298,13 +299,13 @@ class EthernetLink:
             self._stops.look()
         self._said += self._replies.take(self._connection.receive(timeout_s))
         if self._replies.wants_more:
-            self._request(_GET_BUFFER, Asked.MORE)
+            self._request(_GET_BUFFER, RequestPurpose.MORE)
 
-    def _request(self, request: Request, what: Asked) -> None:
+    def _request(self, request: Request, what: RequestPurpose) -> None:
         """Send a whole request. Requests are recorded in the order of sending."""
         held = self._requests.acquire(timeout=URGENT_WAIT_S)
         try:
-            self._replies.asked(what)
+            self._replies.record_request(what)
             self._connection.write_whole(request.encode())
         finally:
             if held:

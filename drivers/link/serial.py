@@ -56,7 +56,7 @@ _TCGETS2, _TERMIOS2 = 0x802C_542A, struct.Struct("4IB19s2I")
 _PSEUDO_TERMINALS = range(136, 144)  # major device numbers
 
 
-class Pace:
+class LinePace:
     """Computes from the line speed what has been transmitted; buffers on the way need not be known."""
 
     def __init__(self, baud_rate: int) -> None:
@@ -64,7 +64,7 @@ class Pace:
         self._clear_at_s = 0.0
 
     @property
-    def ahead(self) -> int:
+    def queue_room_bytes(self) -> int:
         """Return how many bytes may be queued on the line; at least one, or nothing would ever be sent."""
         return max(int(AHEAD_S / self._character_s), 1)
 
@@ -72,14 +72,14 @@ class Pace:
         """Return how many bytes may be queued now."""
         waiting_s = max(self._clear_at_s - now_s, 0.0)
         # Rounding guard: binary fractions must not push a whole number just below itself.
-        return max(self.ahead - int(waiting_s / self._character_s + 0.999), 0)
+        return max(self.queue_room_bytes - int(waiting_s / self._character_s + 0.999), 0)
 
     def wait_s(self, now_s: float) -> float:
         """Return the time until half of the queue has been transmitted: often enough to keep the line busy."""
         waiting_s = max(self._clear_at_s - now_s, 0.0)
-        return max(waiting_s - self.ahead // 2 * self._character_s, self._character_s, LEAST_WAIT_S)
+        return max(waiting_s - self.queue_room_bytes // 2 * self._character_s, self._character_s, LEAST_WAIT_S)
 
-    def handed(self, count: int, now_s: float) -> None:
+    def record_sent_bytes(self, count: int, now_s: float) -> None:
         """Record bytes that the line has accepted."""
         self._clear_at_s = max(self._clear_at_s, now_s) + count * self._character_s
 
@@ -192,7 +192,7 @@ class SerialLink:
     def __init__(self, address: SerialAddress) -> None:
         """Open the device; errors as for `open_line`."""
         self.address = str(address)
-        self._pace = Pace(address.baud_rate)
+        self._pace = LinePace(address.baud_rate)
         # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not block.
         self._handing = threading.RLock()
         self._line = open_line(address)
@@ -215,7 +215,7 @@ class SerialLink:
                 if left:
                     time.sleep(self._pace.wait_s(now_s))
         except (OSError, ValueError) as error:
-            raise self._lost(error) from error
+            raise self._lost_error(error) from error
 
     def send_urgent(self, data: bytes) -> None:
         """Send now: after what the line has accepted already, before whatever still waits in `send`.
@@ -227,7 +227,7 @@ class SerialLink:
         try:
             self._squeeze_in(data, deadline)
         except (OSError, ValueError) as error:  # a closed line has no descriptor
-            raise self._lost(error) from error
+            raise self._lost_error(error) from error
         finally:
             if held:
                 self._handing.release()
@@ -243,9 +243,9 @@ class SerialLink:
         except BlockingIOError:
             return b""
         except (OSError, ValueError) as error:
-            raise self._lost(error) from error
+            raise self._lost_error(error) from error
         if not data:
-            raise self._lost(OSError(errno.ENXIO, os.strerror(errno.ENXIO)))
+            raise self._lost_error(OSError(errno.ENXIO, os.strerror(errno.ENXIO)))
         return data
 
     def close(self) -> None:
@@ -256,14 +256,14 @@ class SerialLink:
     def _hand_over(self, data: memoryview) -> int:
         with self._handing:
             line, now_s = self._line.fileno(), time.monotonic()
-            room = min(self._pace.room(now_s), self._pace.ahead - _queued(line))
+            room = min(self._pace.room(now_s), self._pace.queue_room_bytes - _count_queued_bytes(line))
             if room <= 0:
                 return 0
             try:
                 sent = os.write(line, data[:room])
             except BlockingIOError:
                 return 0
-            self._pace.handed(sent, now_s)
+            self._pace.record_sent_bytes(sent, now_s)
         return sent
 
     def _squeeze_in(self, data: bytes, deadline: float) -> None:
@@ -276,14 +276,14 @@ class SerialLink:
             sent = os.write(line, data)
         if sent < len(data):
             raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
-        self._pace.handed(sent, time.monotonic())
+        self._pace.record_sent_bytes(sent, time.monotonic())
 
-    def _lost(self, error: OSError | ValueError) -> LinkError:
+    def _lost_error(self, error: OSError | ValueError) -> LinkError:
         reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
         return LinkError(Problem(code="link.lost", where=self.address, value=reason))
 
 
-def _queued(line: int) -> int:
+def _count_queued_bytes(line: int) -> int:
     """Return how many bytes the system has not sent yet; not every driver reports it."""
     try:
         return int(struct.unpack("i", fcntl.ioctl(line, termios.TIOCOUTQ, bytes(4)))[0])

@@ -45,23 +45,23 @@ class Dialogue:
         self._put = put
         self._lines = {">": bytearray(), "<": bytearray()}
 
-    def heard(self, now_s: float, mark: str, data: bytes) -> None:
+    def take_bytes(self, now_s: float, mark: str, data: bytes) -> None:
         """Take bytes of one direction; those of the other begin a new line."""
         self.end(now_s, "<" if mark == ">" else ">")
         line = self._lines[mark]
         for text, end in _PIECES.findall(data):
             line += text
             while len(line) >= LONGEST_LINE:
-                self._put(now_s, mark, f"{shown(line[:LONGEST_LINE])} [no CR]")
+                self._put(now_s, mark, f"{format_bytes(line[:LONGEST_LINE])} [no CR]")
                 del line[:LONGEST_LINE]
             if end:
-                self._put(now_s, mark, shown(line + end.strip(b"\r")) or "[CR]")
+                self._put(now_s, mark, format_bytes(line + end.strip(b"\r")) or "[CR]")
                 line.clear()
 
     def end(self, now_s: float, mark: str) -> None:
         """Put out a line that has no end yet."""
         if line := self._lines[mark]:
-            self._put(now_s, mark, f"{shown(line)} [no CR]")
+            self._put(now_s, mark, f"{format_bytes(line)} [no CR]")
             line.clear()
 
 
@@ -83,15 +83,15 @@ class TracedLink(PassingLink):
         try:
             super().send(data)
         except LinkError as error:
-            self._dialogue.heard(now_s, ">", data)
+            self._dialogue.take_bytes(now_s, ">", data)
             self._fail(now_s, error)
             raise
-        self._dialogue.heard(now_s, ">", data)
+        self._dialogue.take_bytes(now_s, ">", data)
 
     def note_urgent(self, data: bytes, failure: LinkError | None) -> None:
         """Record a stop."""
         unsent = "" if failure is None else f" [not sent: {failure.problems[0].code}]"
-        self._put(self._now_s(), "!", f"{shown(data)}{unsent}")
+        self._put(self._now_s(), "!", f"{format_bytes(data)}{unsent}")
 
     def receive(self, timeout_s: float) -> bytes:
         """Return the bytes received, waiting at most `timeout_s`."""
@@ -101,7 +101,7 @@ class TracedLink(PassingLink):
             self._fail(self._now_s(), error)
             raise
         if data:
-            self._dialogue.heard(self._now_s(), "<", data)
+            self._dialogue.take_bytes(self._now_s(), "<", data)
         return data
 
     def close(self) -> None:
@@ -125,12 +125,12 @@ class TracedLink(PassingLink):
             self.problem = Problem(code="link.trace_lost", where=self.address, value=reason)
 
 
-def shown(data: bytes | bytearray) -> str:
+def format_bytes(data: bytes | bytearray) -> str:
     """Return bytes as text, with unprintable ones by name."""
     return data.decode("latin-1").translate(_SHOWN)
 
 
-def _shown(byte: int) -> str:
+def _format_byte(byte: int) -> str:
     if byte in _NAMES:
         return f"[{_NAMES[byte]}]"
     if byte < 0x20:
@@ -139,7 +139,7 @@ def _shown(byte: int) -> str:
     return chr(byte) if byte < 0x7F and byte != 0x5B else f"[{byte:#04x}]"
 
 
-_SHOWN = [_shown(byte) for byte in range(0x100)]
+_SHOWN = [_format_byte(byte) for byte in range(0x100)]
 
 
 LIMIT_BYTES = 64 * 1024 * 1024  # size limit: some hours of a machine that is polled twenty times a second
@@ -215,7 +215,7 @@ class Tracing:
         """Return the problem that ended the trace, if any; reported once."""
         return tuple(link.problem for link in self._traced if link.problem is not None)[:1]
 
-    def of(self, link: Link, now_s: Callable[[], float]) -> Link:
+    def trace_link(self, link: Link, now_s: Callable[[], float]) -> Link:
         """Return the link with its trace; `now_s` gives the times that are written."""
         link = link if self._tap is None else TappedLink(link, self._tap)
         if self._file is None:

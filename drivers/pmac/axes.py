@@ -12,8 +12,8 @@ from typing import Protocol
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.text import format_number
-from profiles.fields import spelled
-from profiles.problem import refused
+from profiles.fields import spell_toml
+from profiles.problem import refusal_error
 
 DEFINITIONS_KEY = "controller.axis_definitions"  # of a machine profile
 Row = Mapping[str, float]  # The coefficients of the axes in one equation
@@ -91,14 +91,14 @@ class AxisDefinition:
         """Return the motor's part of a distance (or of a velocity); omitted axes do not move."""
         return sum([scale * distances.get(axis, 0.0) for axis, scale in self.terms])
 
-    def shifted(self, origins: Mapping[str, float]) -> AxisDefinition:
+    def shift_origins(self, origins: Mapping[str, float]) -> AxisDefinition:
         """Return the definition for axes whose zero points are shifted to `origins` (user units)."""
         return replace(self, offset=self.offset - self.distance(origins)) if origins else self
 
     def __str__(self) -> str:
         if self.inverse:
             return INVERSE_KINEMATIC
-        text = "".join(_signed(scale, axis) for axis, scale in self.terms) + _signed(self.offset, "")
+        text = "".join(_format_signed(scale, axis) for axis, scale in self.terms) + _format_signed(self.offset, "")
         return text.removeprefix("+")
 
 
@@ -146,8 +146,8 @@ def read_definitions(texts: Iterable[str]) -> tuple[AxisDefinition, ...]:
         except PmacError:
             definition, sound = None, False
         if not sound or not motor or motor in definitions:
-            raise refused(
-                "value.out_of_range", key=DEFINITIONS_KEY, value=spelled(text), limit="#1->X, #2->Y, #3->Z"
+            raise refusal_error(
+                "value.out_of_range", key=DEFINITIONS_KEY, value=spell_toml(text), limit="#1->X, #2->Y, #3->Z"
             )
         definitions[motor] = definition
     return tuple(each for each in definitions.values() if each is not None)
@@ -204,7 +204,7 @@ def preset_origins(
     """Return the origins after PSET, `X=5` or Z: the axes at `positions` are at `presets` from now on.
 
     An origin is the position (user units) that an axis has where its definition alone would give 0; axes without
-    one are left out. The definitions for the new positions are those `shifted` by the new origins.
+    one are left out. The definitions for the new positions are those `shift_origins` by the new origins.
     """
     moved = {
         axis: origins.get(axis, 0.0) + presets[axis] - positions[axis] for axis in presets if axis in positions
@@ -260,7 +260,7 @@ def _partner(scanner: Scanner, terms: Sequence[tuple[str, float]]) -> str | None
     return scanner.take_word(letters) if letters else None
 
 
-def _signed(value: float, axis: str) -> str:
+def _format_signed(value: float, axis: str) -> str:
     """Format `+2000X`, `-X`, or an offset; nothing for an offset of 0."""
     if not value and not axis:
         return ""

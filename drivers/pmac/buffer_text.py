@@ -12,7 +12,7 @@ from drivers.pmac.execution.kinematics import FORWARD, INVERSE, stored_kinematic
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.listing import END, stored_line, stored_plc_lines
 from drivers.pmac.language.syntax import Line, PlcLine
-from drivers.pmac.preprocessor import Place
+from drivers.pmac.preprocessor import LineNumber
 
 _ADDRESS = re.compile(r"&\s*(\d+)")
 """A coordinate system is addressed: the next OPEN INVERSE belongs to it."""
@@ -26,7 +26,7 @@ class BufferKind(StrEnum):
     INVERSE = INVERSE
     FORWARD = FORWARD
 
-    def called(self, number: int) -> str:
+    def buffer_name(self, number: int) -> str:
         """Return how the buffer of a program, PLC or coordinate system is called: `PROG 5`, `&1 INVERSE`."""
         return f"&{number} {self}" if self.of_system else f"{self} {number}"
 
@@ -44,7 +44,7 @@ class BufferKind(StrEnum):
 class TextLine:
     """A line without its comment and with its names replaced, and its place in the text."""
 
-    place: Place
+    place: LineNumber
     text: str
 
 
@@ -57,7 +57,7 @@ class TextBuffer:
 
     kind: BufferKind
     number: int
-    place: Place
+    place: LineNumber
     lines: tuple[TextLine, ...]
     cleared: bool
     closed: bool
@@ -65,7 +65,7 @@ class TextBuffer:
     @property
     def name(self) -> str:
         """Its name: `PROG 5`, `PLC 3`, `&1 INVERSE`."""
-        return self.kind.called(self.number)
+        return self.kind.buffer_name(self.number)
 
     @property
     def opening(self) -> str:
@@ -74,11 +74,11 @@ class TextBuffer:
 
     def listing(self) -> tuple[TextLine, ...]:
         """Return the lines as the controller lists them, each with its place in the text; without the end."""
-        found = [TextLine(line.place, text) for line in self.lines for text, _ in stored(self.kind, line.text)]
+        found = [TextLine(line.place, text) for line in self.lines for text, _ in store_line(self.kind, line.text)]
         return tuple(found[:-1] if found and found[-1].text == END else found)
 
 
-def stored(kind: BufferKind, text: str) -> tuple[tuple[str, Line | PlcLine], ...]:
+def store_line(kind: BufferKind, text: str) -> tuple[tuple[str, Line | PlcLine], ...]:
     """Return the lines that a buffer keeps for a typed one: how each is listed, and what it does.
 
     Raises PmacError: no buffer of this kind can hold it.
@@ -97,7 +97,7 @@ def in_full(kind: BufferKind, lines: Iterable[str]) -> tuple[str, ...]:
     whole = list[str]()
     for line in lines:
         try:
-            whole += [text for text, _ in stored(kind, line)] or [line]
+            whole += [text for text, _ in store_line(kind, line)] or [line]
         except PmacError:
             whole.append(line)
     return tuple(whole)
@@ -108,7 +108,7 @@ def same_line(kind: BufferKind, found: str, wanted: str) -> bool:
     if found == wanted:
         return True
     with suppress(PmacError):
-        first, second = ([does for _, does in stored(kind, text)] for text in (found, wanted))
+        first, second = ([does for _, does in store_line(kind, text)] for text in (found, wanted))
         return first == second
     return False
 
@@ -128,15 +128,15 @@ class BufferLines:
     system: int = 1
     _buffers: list[TextBuffer] = field(default_factory=list)
     _outside: list[TextLine] = field(default_factory=list)
-    _opened: tuple[BufferKind, int, Place] | None = None
+    _opened: tuple[BufferKind, int, LineNumber] | None = None
     _lines: list[TextLine] = field(default_factory=list)
     _cleared: bool = False
 
-    def open(self, kind: BufferKind, number: int, place: Place) -> None:
+    def open(self, kind: BufferKind, number: int, place: LineNumber) -> None:
         """Begin a buffer."""
         self._opened, self._lines, self._cleared = (kind, number, place), [], False
 
-    def clear(self, place: Place) -> None:
+    def clear(self, place: LineNumber) -> None:
         """Empty the open buffer; without one it is a line outside."""
         if self._opened is None:
             self._outside.append(TextLine(place, "CLEAR"))
@@ -154,7 +154,7 @@ class BufferLines:
         self._buffers.append(buffer)
         self._opened = None
 
-    def take(self, text: str, place: Place) -> None:
+    def take(self, text: str, place: LineNumber) -> None:
         """Take a line of the open buffer, or one outside."""
         if self._opened is not None:
             self._lines.append(TextLine(place, text))
@@ -163,7 +163,7 @@ class BufferLines:
         else:
             self._outside.append(TextLine(place, text))
 
-    def finished(self) -> SourceText:
+    def source_text(self) -> SourceText:
         """Return all of it; a buffer that is still open has no CLOSE."""
         self.close(closed=False)
         return SourceText(tuple(self._buffers), tuple(self._outside))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from drivers.pmac.analysis.walk import Ending, walk
+from drivers.pmac.analysis.walk import WalkEnding, walk
 from drivers.pmac.axes import AxisDefinition
 from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language import syntax
@@ -18,7 +18,7 @@ from drivers.pmac.program_text import ProgramText
 from drivers.pmac.trajectory.cubics import motion_of
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece
-from drivers.pmac.trajectory.planned import MoveRecord
+from drivers.pmac.trajectory.planned_pieces import MoveRecord
 
 ENDLESS_MOVES = 200_000  # Number of moves after which a program counts as endless
 
@@ -31,7 +31,7 @@ class CheckedMove:
     pieces: tuple[Piece, ...]
 
     @property
-    def used(self) -> Timing:
+    def used_times(self) -> Timing:
         """The times that are actually used, ms."""
         return self.record.timing or self.record.asked
 
@@ -66,7 +66,7 @@ def run_through(
         raise walked.error
     if walked.substitutes:
         raise NoResultError(ErrorCode.DATA_ERROR, walked.substitutes[0].detail)
-    if walked.ending is not Ending.FINISHED:
+    if walked.ending is not WalkEnding.FINISHED:
         raise PmacError(ErrorCode.DATA_ERROR, f"no end after {len(walked.steps)} moves")
     moves = [
         CheckedMove(record=step.planned.record, pieces=step.planned.pieces)

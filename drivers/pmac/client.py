@@ -109,7 +109,7 @@ class PmacClient:
 
     def _prove(self) -> tuple[str, str]:
         """Return version and type of the controller, once it is proven to be in step."""
-        version, kind = self._identified()
+        version, kind = self._query_identity()
         self._dialect = dialect = dialect_of(kind)
         if dialect is None:
             limit = " | ".join(f"{each.type_prefix}..." for each in DIALECTS.values())
@@ -257,7 +257,7 @@ class PmacClient:
                 self._close_after(DriverError())
             raise
 
-    def _identified(self) -> tuple[str, str]:
+    def _query_identity(self) -> tuple[str, str]:
         """Ask for version and type; once more where the first answer may be a late one to what was sent before.
 
         A computer that is busy may let a controller answer later than the line is drained. Nothing of this moves.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from drivers.pmac.families.family import Dialect, Place, Scope, Setting
+from drivers.pmac.families.family import Dialect, FamilySetting, SettingPlace, SettingScope
 from drivers.pmac.families.pmac import PMAC
 from drivers.pmac.families.turbo import TURBO
 
-__all__ = ["DIALECTS", "PMAC", "TURBO", "Dialect", "Place", "Scope", "Setting"]
+__all__ = ["DIALECTS", "PMAC", "TURBO", "Dialect", "FamilySetting", "SettingPlace", "SettingScope"]
 
 DIALECTS: Mapping[str, Dialect] = {dialect.name: dialect for dialect in (PMAC, TURBO)}
 """Families by the name that a machine profile or a command line uses."""

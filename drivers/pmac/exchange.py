@@ -27,10 +27,10 @@ from drivers.pmac.framing import (
     LinkFaults,
     Reply,
     ReplyReader,
-    awaited,
+    await_reply,
     form_of,
+    format_reply,
     like_an_answer,
-    shown,
     unmistakable,
 )
 from drivers.pmac.reserved import MARKER
@@ -100,7 +100,7 @@ class Exchange:
             reported, deadline = b"", self._clock.now_s() + CHECKSUM_TIMEOUT_S
             while came := self.link.receive(QUIET_S if reported else CHECKSUM_TIMEOUT_S):
                 reported += came
-                if self._left(deadline) <= 0.0:
+                if self._time_left_s(deadline) <= 0.0:
                     break
             self.checksums = form_of(reported, PROBE)
             self._flush()
@@ -137,7 +137,7 @@ class Exchange:
         """
         if self._in_flight is not None:
             self._lose_step(FaultKind.ABANDONED, self._in_flight, timeout_s)
-        elif self._unasked():
+        elif self._has_unsolicited_input():
             self._lose_step(FaultKind.UNASKED, "", timeout_s)
         if not self.in_step:
             self.resynchronise(timeout_s)
@@ -151,19 +151,19 @@ class Exchange:
         try:
             self.link.send(data + CR)
         except LinkError as error:
-            raise self._lost(line, error) from error
+            raise self._lost_error(line, error) from error
 
     def reply(self, line: str, timeout_s: float, lines: int | None) -> Reply:
         """Return the reply to the line that was sent, with `lines` lines of data where that is not None.
 
-        A SAVE has its seconds, and the NUL of a board that gives up over it is no failure, see `_saved`.
+        A SAVE has its seconds, and the NUL of a board that gives up over it is no failure, see `_await_save`.
 
         Raises:
             LinkTimeoutError: `link.silent`, no complete reply in time.
             LinkError: the link broke, or `link.out_of_step`; and `link.outcome_unknown` if it may have had effect.
         """
         try:
-            reply = self._saved(line, timeout_s) if saves(line) else self._await(timeout_s)
+            reply = self._await_save(line, timeout_s) if saves(line) else self._await(timeout_s)
             accepted = reply.error_number is None
             # A refusal may follow the replies of earlier commands in the line, which may be anything.
             if accepted and lines is not None and len(reply.lines) != lines:
@@ -174,7 +174,7 @@ class Exchange:
         except FaultError as fault:
             raise self._fault(fault, line, timeout_s) from None
         except LinkError as error:
-            raise self._lost(line, error) from error
+            raise self._lost_error(line, error) from error
         opens = opens_buffer(line)
         if opens and not accepted:
             self.buffer_open = self._was_open
@@ -200,15 +200,15 @@ class Exchange:
         while True:
             closed = self._closes_buffer(deadline)
             # Before the first settings there is nothing to restore, and nothing to recognise another's marker by.
-            reply = self._marked(self._settings, self._left(deadline)) if self._settings else None
+            reply = self._exchange_marker(self._settings, self._time_left_s(deadline)) if self._settings else None
             if self._is_marked(reply) or (closed and not self._settings):
                 self.in_step, self.buffer_open = True, False
                 return
             refusals += reply is not None and reply.error_number is not None
-            self._flush(self._left(deadline))
+            self._flush(self._time_left_s(deadline))
             if refusals > 1:  # one may have been the error of a controller program
                 raise LinkError(Problem(code="controller.buffer_open", where=self.link.address))
-            if self._left(deadline) <= 0.0:
+            if self._time_left_s(deadline) <= 0.0:
                 value = f"{timeout_s:g} s"
                 raise LinkTimeoutError(Problem(code="link.not_in_step", where=self.link.address, value=value))
 
@@ -222,7 +222,7 @@ class Exchange:
                 check()
                 return
         except LinkError as error:
-            raise self._lost(line, error) from error
+            raise self._lost_error(line, error) from error
         except BaseException:
             self._leave()  # a stop that comes now finds no line that could still be ended
             raise
@@ -232,7 +232,7 @@ class Exchange:
         """Send characters of a line, and return the controller's output for them. Messages are kept."""
         self.link.send(data + ASK)
         deadline = self._clock.now_s() + CHECKSUM_TIMEOUT_S
-        while (left := self._left(deadline)) > 0.0:
+        while (left := self._time_left_s(deadline)) > 0.0:
             self._reader.feed(self.link.receive(left))
             try:
                 self.messages += self._reader.take_messages()
@@ -254,7 +254,7 @@ class Exchange:
         where = self.link.address
         problem = Problem(code="link.line_unproven", where=where, key=line, value=f"{CHECKSUM_TIMEOUT_S:g} s")
         if reported:
-            value, limit = shown(reported), shown(expected)
+            value, limit = format_reply(reported), format_reply(expected)
             problem = Problem(code="link.line_differs", where=where, key=line, value=value, limit=limit)
         try:
             # A checksum that looks like a reply is seen again: the line is still there.
@@ -279,12 +279,12 @@ class Exchange:
         """Make sure that no line without an end remains at the controller: only our own has been received."""
         form, began_s = self.checksums, self._clock.now_s()
         while self._begun and form is not None:
-            self._flush(max(self._left(deadline), QUIET_S))
+            self._flush(max(self._time_left_s(deadline), QUIET_S))
             expected = form.answer(PROBE)
             if self._checksum_of(PROBE, expected) == expected:
                 self._begun = False
                 self._ask("", CHECKSUM_TIMEOUT_S)  # the line's end; its reply does not matter
-            elif self._left(deadline) <= 0.0:
+            elif self._time_left_s(deadline) <= 0.0:
                 value = f"{self._clock.now_s() - began_s:.1f} s"
                 raise LinkTimeoutError(Problem(code="link.not_in_step", where=self.link.address, value=value))
 
@@ -296,7 +296,7 @@ class Exchange:
         """
         if not self.buffer_open:
             return True
-        reply = self._ask("CLOSE", 0.5 * self._left(deadline))
+        reply = self._ask("CLOSE", 0.5 * self._time_left_s(deadline))
         if reply is None:
             self.drain()  # no control-X: a controller that reads slowly would discard the CLOSE that waits there
         return reply is not None and not reply.lines and reply.error_number is None
@@ -308,13 +308,13 @@ class Exchange:
         """
         if not self._settings or self._was_open:
             return  # in an open buffer the marker would become a line of the program
-        reply = self._marked("", min(timeout_s, REPLY_TIMEOUT_S))
+        reply = self._exchange_marker("", min(timeout_s, REPLY_TIMEOUT_S))
         if reply is not None and reply.error_number is not None and not reply.lines:
             self.in_step = False  # a buffer that another client left open refuses the marker, too
         elif not self._is_marked(reply):
             raise FaultError(FaultKind.UNASKED, "BEL ERRnnn")
 
-    def _marked(self, settings: str, timeout_s: float) -> Reply | None:
+    def _exchange_marker(self, settings: str, timeout_s: float) -> Reply | None:
         """Write a fresh number and read it back, after some settings; return the reply, None without one."""
         start = self._marker or int(1000.0 * self._clock.now_s())
         self._marker = start % _MARKERS + 1
@@ -333,14 +333,14 @@ class Exchange:
         except FaultError:
             return None
 
-    def _saved(self, line: str, timeout_s: float) -> Reply:
+    def _await_save(self, line: str, timeout_s: float) -> Reply:
         """Return the reply to a line with SAVE. Over a NUL it is accepted once the controller is in step again.
 
         A refusal would have come as one; raises as `resynchronise` does, when the controller stays away.
         """
         deadline = self._clock.now_s() + max(2.0 * timeout_s, SAVE_TIMEOUT_S)
         try:
-            return self._await(self._left(deadline), SAVE_TIMEOUT_S)
+            return self._await(self._time_left_s(deadline), SAVE_TIMEOUT_S)
         except FaultError as fault:
             if fault.kind is not FaultKind.NUL:
                 raise
@@ -350,16 +350,16 @@ class Exchange:
             try:
                 self.resynchronise()
             except LinkTimeoutError:
-                if self._left(deadline) <= 0.0:
+                if self._time_left_s(deadline) <= 0.0:
                     raise
         return Reply(lines=())
 
     def _await(self, timeout_s: float, silence_s: float = SILENCE_S) -> Reply:
-        reply = awaited(self._reader, self.link, self._clock, timeout_s, silence_s)
+        reply = await_reply(self._reader, self.link, self._clock, timeout_s, silence_s)
         self.messages += reply.messages
         return reply
 
-    def _unasked(self) -> bool:
+    def _has_unsolicited_input(self) -> bool:
         """Whether unsolicited input has come. Program messages are kept, and do not count."""
         self._reader.feed(self.link.receive(0.0))
         try:
@@ -378,10 +378,10 @@ class Exchange:
         self.link.send(FLUSH)
         self.drain(limit_s)
 
-    def _left(self, deadline: float) -> float:
+    def _time_left_s(self, deadline: float) -> float:
         return deadline - self._clock.now_s()
 
-    def _lost(self, line: str, error: LinkError) -> LinkError:
+    def _lost_error(self, line: str, error: LinkError) -> LinkError:
         """Return the error for a lost link, with its consequence for the line."""
         self._in_flight, self.in_step = None, False
         self.faults = self.faults.with_another(FaultKind.LOST, line)
@@ -391,7 +391,7 @@ class Exchange:
         try:
             self._lose_step(fault.kind, line, timeout_s)
         except LinkError as error:
-            return self._lost(line, error)
+            return self._lost_error(line, error)
         where, unknown = self.link.address, self._outcome(line, fault.kind)
         if fault.kind in (FaultKind.SILENT, FaultKind.UNFINISHED):
             silent = Problem(code="link.silent", where=where, key=line, value=fault.actual)

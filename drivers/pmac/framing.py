@@ -53,7 +53,7 @@ class FaultKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class FaultCount:
     """The number of faults of one kind, and the line of the last one."""
 
     count: int
@@ -64,7 +64,7 @@ class Seen:
 class LinkFaults:
     """All faults of a client since it was created."""
 
-    seen: Mapping[FaultKind, Seen] = field(default_factory=lambda: MappingProxyType({}))
+    seen: Mapping[FaultKind, FaultCount] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def total(self) -> int:
@@ -77,7 +77,7 @@ class LinkFaults:
 
     def with_another(self, kind: FaultKind, line: str) -> LinkFaults:
         """Return a copy with one more fault."""
-        another = Seen(count=self.count(kind) + 1, line=line)
+        another = FaultCount(count=self.count(kind) + 1, line=line)
         return LinkFaults(seen=MappingProxyType({**self.seen, kind: another}))
 
 
@@ -134,7 +134,7 @@ class ReplyReader:
         return not (self.rest or self._lines or self._messages)
 
     @property
-    def presumed(self) -> FaultKind | None:
+    def presumed_fault(self) -> FaultKind | None:
         """The fault if nothing more comes soon; None if more is likely on its way."""
         if self.rest.endswith(bytes((BELL,))):
             return FaultKind.BARE_BELL
@@ -238,7 +238,7 @@ class FaultError(Exception):
         self.kind, self.actual, self.allowed = kind, actual, allowed
 
 
-def awaited(
+def await_reply(
     reader: ReplyReader, link: Link, clock: Clock, timeout_s: float, silence_s: float = SILENCE_S
 ) -> Reply:
     """Return the next reply on a link, which may be silent for `silence_s`.
@@ -258,7 +258,7 @@ def awaited(
             raise FaultError(error.kind, str(error)) from error
         if reply is not None:
             return reply
-        left, presumed = deadline - clock.now_s(), reader.presumed
+        left, presumed = deadline - clock.now_s(), reader.presumed_fault
         if presumed is not None:
             left = min(left, QUIET_S)
         came = link.receive(left) if left > 0.0 else b""
@@ -328,7 +328,7 @@ def like_an_answer(reported: bytes) -> bool:
     return reported[:1] in (bytes((ACK,)), bytes((BELL,)))
 
 
-def shown(reported: bytes) -> str:
+def format_reply(reported: bytes) -> str:
     """Return a reply in readable form: the numbers of its bytes, or its digits."""
     text = reported.strip().decode("latin-1")
     return text if len(reported) > 1 and text.isascii() and text.isdigit() else " ".join(map(str, reported))

@@ -54,7 +54,7 @@ class Pointer:
 
 
 @dataclass(frozen=True, slots=True)
-class Passing:
+class PassingWord:
     """A word that belongs to a motor and holds a number: its present value, and those of the last stretch.
 
     `passed` has a value for each servo cycle of the stretch through which the motor was run last. The word holds
@@ -78,7 +78,7 @@ class Memory(Protocol):
     def bits_of(self, pointer: Pointer) -> Callable[[], int] | None:
         """Return a quick way to read the bits of a D word again and again; None: there is none."""
 
-    def passing(self, pointer: Pointer) -> Passing | None:
+    def passing(self, pointer: Pointer) -> PassingWord | None:
         """Return how to read a word in each servo cycle of a stretch; None: only in each cycle by itself."""
 
 
@@ -104,7 +104,7 @@ def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
         return Pointer(space=space, address=address, offset=offset)
     scanner.expect(",")
     width = _integer(scanner, 32)
-    return Pointer(space=space, address=address, offset=offset, width=width, signed=_signed(scanner))
+    return Pointer(space=space, address=address, offset=offset, width=width, signed=_read_sign(scanner))
 
 
 def _part_of_word(scanner: Scanner, space: str, address: int) -> Pointer:
@@ -121,10 +121,10 @@ def _part_of_word(scanner: Scanner, space: str, address: int) -> Pointer:
         offset, width = 0, WORD_BITS
     if width not in WIDTHS or offset + width > WORD_BITS:
         raise PmacError(ErrorCode.DATA_ERROR, f"{width} bits from bit {offset} of a word of {WORD_BITS}")
-    return Pointer(space=space, address=address, offset=offset, width=width, signed=_signed(scanner))
+    return Pointer(space=space, address=address, offset=offset, width=width, signed=_read_sign(scanner))
 
 
-def _signed(scanner: Scanner) -> bool:
+def _read_sign(scanner: Scanner) -> bool:
     if not scanner.accept(","):
         return False
     if scanner.accept("S"):

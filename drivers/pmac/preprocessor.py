@@ -31,7 +31,7 @@ _FILE = re.compile(r'"([^"]+)"|<([^>]+)>|(\S+)')
 _COMMAND = re.compile(r"(?:CMD|COMMAND)[SPRA]?\s*$", re.IGNORECASE)
 
 
-class Place(int):
+class LineNumber(int):
     """A line of a text, from 1; one of an included file is the line of its #include, and has a `source`.
 
     It is used as the number. Two lines of included files are not the same, though one #include has brought both,
@@ -40,20 +40,20 @@ class Place(int):
 
     source: str
 
-    def __new__(cls, line: int, source: str = "") -> Place:
+    def __new__(cls, line: int, source: str = "") -> LineNumber:
         """Make it of a line of the main text, and a source such as `limits.h:5`."""
         made = super().__new__(cls, line)
         made.source = source
         return made
 
     @property
-    def named(self) -> str:
+    def line_name(self) -> str:
         """The line in the text, and in the included file: `12`, or `12, limits.h:5`."""
         return f"{int(self)}, {self.source}" if self.source else str(int(self))
 
     def __eq__(self, other: object) -> bool:
         """Compare the source, too; a number has none."""
-        if isinstance(other, Place):
+        if isinstance(other, LineNumber):
             return (int(self), self.source) == (int(other), other.source)
         return not self.source and int(self) == other
 
@@ -80,7 +80,7 @@ class SourceLine:
 
 def preprocess(text: str, include: Include | None = None) -> Iterator[SourceLine]:
     """Yield the lines that are sent, empty ones left out. Without `include` no other file can be included."""
-    reader = _Reader(include)
+    reader = _SourceReader(include)
     yield from reader.lines(text, "", 0, 0)
     if reader.conditions:
         yield SourceLine("#ifdef", reader.conditions[-1].place, error=_refusal("#ifdef without #endif"))
@@ -94,7 +94,7 @@ class _Condition:
 
 
 @dataclass(slots=True)
-class _Reader:
+class _SourceReader:
     include: Include | None
     names: dict[str, str] = field(default_factory=dict)
     conditions: list[_Condition] = field(default_factory=list)
@@ -106,7 +106,7 @@ class _Reader:
         """Yield the lines of a file; `place` is that of its #include, 0 in the main text."""
         for number, raw in enumerate(text.splitlines(), start=1):
             at, source = (place, f"{name}:{number}") if place else (number, "")
-            line = self._uncommented(raw, number)
+            line = self._strip_comments(raw, number)
             self.count += 1
             try:
                 if self.count > MOST_LINES:
@@ -115,7 +115,7 @@ class _Reader:
                 if directive is not None:
                     yield from self._directive(directive[1].lower(), directive[2].strip(), at, level)
                 elif line and self._active:
-                    yield SourceLine(self._replaced(line), at, source)
+                    yield SourceLine(self._replace_names(line), at, source)
             except PmacError as error:
                 yield SourceLine(line, at, source, error)
                 if self.count > MOST_LINES:
@@ -126,7 +126,7 @@ class _Reader:
             at, source = (place, f"{name}:{begun}") if place else (begun, "")
             yield SourceLine("/*", at, source, _refusal("/* without */: all behind it is a comment"))
 
-    def _uncommented(self, raw: str, number: int) -> str:
+    def _strip_comments(self, raw: str, number: int) -> str:
         raw = f"/*{raw}" if self.comment_from else raw
         pieces = _PIECE.findall(raw)
         last = pieces[-1] if pieces else ""
@@ -157,7 +157,7 @@ class _Reader:
         elif word == "undef":
             self.names.pop(_name(word, rest), None)
         elif word == "include":
-            yield from self._included(rest, place, level)
+            yield from self._include_file(rest, place, level)
         else:
             raise _refusal(f"#{word} is not carried out; #ifdef and #ifndef are")
 
@@ -169,7 +169,7 @@ class _Reader:
             raise _refusal(f"#define {found[1]}(...): a name with arguments is not carried out")
         self.names[found[1]] = found[3].strip()
 
-    def _included(self, rest: str, place: int, level: int) -> Iterator[SourceLine]:
+    def _include_file(self, rest: str, place: int, level: int) -> Iterator[SourceLine]:
         found = _FILE.fullmatch(rest)
         if found is None:
             raise _refusal('a file as in #include "limits.h"')
@@ -185,7 +185,7 @@ class _Reader:
         yield from self.lines(text, name, place, level + 1)
         self.opened.pop()
 
-    def _replaced(self, line: str) -> str:
+    def _replace_names(self, line: str) -> str:
         """Replace the names of a line, again while there are any."""
         for _ in range(MOST_REPLACEMENTS):
             pieces = line.split('"')

@@ -58,7 +58,7 @@ def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]
 
     Raises PmacError: an expression that cannot be evaluated.
     """
-    store, changed = VariableStore(dialect=dialect), assigned(program)
+    store, changed = VariableStore(dialect=dialect), find_assigned_variables(program)
     found: dict[str, Constant] = {}
     for statement in (each for line in program.settings for each in line):
         if not isinstance(statement, syntax.Assign):
@@ -83,7 +83,7 @@ def _source(expression: syntax.Expression, known: Mapping[str, Constant]) -> str
     return ""
 
 
-def assigned(program: ProgramText) -> frozenset[str]:
+def find_assigned_variables(program: ProgramText) -> frozenset[str]:
     """Return the names of the variables that the program itself sets: `P30`."""
     return frozenset(name for name, _ in _assignments(program))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from drivers.pmac.axes import AxisDefinition, scan_definition
 from drivers.pmac.buffer_text import BufferKind, BufferLines, SourceText
-from drivers.pmac.compensation.table_text import MOST_MOTORS, TableReader, TextTable
+from drivers.pmac.compensation.table_text import MOST_MOTORS, CompensationTableReader, TextTable
 from drivers.pmac.execution.calls import FIRST_CODE_PROGRAM
 from drivers.pmac.execution.kinematics import KINDS, stored_kinematic_line
 from drivers.pmac.language import syntax
@@ -25,9 +25,9 @@ from drivers.pmac.language.expressions import (
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.listing import stored_plc_lines
 from drivers.pmac.language.parser import parse_line, parse_statement
-from drivers.pmac.language.structure import Code, link
+from drivers.pmac.language.structure import ExecutableProgram, link
 from drivers.pmac.language.syntax import Line, Program
-from drivers.pmac.preprocessor import Include, Place, preprocess
+from drivers.pmac.preprocessor import Include, LineNumber, preprocess
 
 _OPEN_KINEMATIC = {f"OPEN{word}": kind for word, kind in KINDS.items()}
 _BUFFER_WORDS = (*OPEN_PROGRAM, *OPEN_PLC, *_OPEN_KINEMATIC, "OPEN", *CLEAR, *CLOSE)
@@ -64,10 +64,10 @@ class ProgramText:
     `subprograms`. `definitions` are axis definitions, `plcs` the lines between OPEN PLC and CLOSE, and `commands`
     the other on-line commands, both as they are in the text. `tables` are the compensation tables that the
     controller then holds. `kinematics` are the programs INVERSE and FORWARD. `places` are the line numbers (from
-    1) of each program's lines in the text, `setting_places` those of the settings; both are a `Place`. `sources`
-    name the place of each of `lines`, such as `12`, or `12, limits.h:5` for one of an included file. `undefines`
-    is whether it clears the axis definitions that there are before. `source` is what the text fills buffers with,
-    line by line, and what it has outside of them.
+    1) of each program's lines in the text, `setting_places` those of the settings; both are a `LineNumber`.
+    `sources` name the place of each of `lines`, such as `12`, or `12, limits.h:5` for one of an included file.
+    `undefines` is whether it clears the axis definitions that there are before. `source` is what the text fills
+    buffers with, line by line, and what it has outside of them.
     """
 
     number: int
@@ -86,7 +86,7 @@ class ProgramText:
     undefines: bool = False
     source: SourceText = field(default_factory=SourceText)
 
-    def code(self, number: int) -> Code | None:
+    def code(self, number: int) -> ExecutableProgram | None:
         """Return a program of this text ready to run: the library of its calls.
 
         Raises PmacError: 009 or 016, a program that is not well formed.
@@ -99,14 +99,14 @@ class ProgramText:
 class RefusedLine:
     """A line of a text, or of a file that it includes, that the controller refuses."""
 
-    place: Place
+    place: LineNumber
     text: str
     error: PmacError
 
     @property
     def where(self) -> str:
         """Its line in the text, and in the included file."""
-        return self.place.named
+        return self.place.line_name
 
 
 def read_program(
@@ -132,14 +132,14 @@ def read_program(
 
     Raises PmacError: its detail names the wrong line.
     """
-    taken = _Taken(tables=TableReader(motor_count), kinematic=kinematic, on_line=on_line)
+    taken = _TextContent(tables=CompensationTableReader(motor_count), kinematic=kinematic, on_line=on_line)
     for source in preprocess(text, include):
-        taken.place = Place(source.place, source.source)
+        taken.place = LineNumber(source.place, source.source)
         try:
             if source.error is not None:
                 raise source.error
             taken.lines.append(source.text)
-            taken.sources.append(taken.place.named)
+            taken.sources.append(taken.place.line_name)
             taken.take(source.text)
         except PmacError as error:
             line = RefusedLine(place=taken.place, text=source.text, error=error)
@@ -148,7 +148,7 @@ def read_program(
             refused.append(line)
     if needs_program and not taken.programs:
         raise _without_program(refused)
-    return taken.finished()
+    return taken.to_program_text()
 
 
 def _without_program(refused: Sequence[RefusedLine] | None) -> PmacError:
@@ -161,10 +161,10 @@ def _without_program(refused: Sequence[RefusedLine] | None) -> PmacError:
 
 
 @dataclass(slots=True)
-class _Taken:
+class _TextContent:
     """What has been read so far; `program` or `plc` is the open buffer."""
 
-    tables: TableReader
+    tables: CompensationTableReader
     lines: list[str] = field(default_factory=list)
     sources: list[str] = field(default_factory=list)
     settings: list[Line] = field(default_factory=list)
@@ -174,7 +174,7 @@ class _Taken:
     programs: dict[int, list[Line]] = field(default_factory=dict)
     plcs: dict[int, list[str]] = field(default_factory=dict)
     places: dict[int, list[int]] = field(default_factory=dict)
-    place: Place = field(default_factory=lambda: Place(0))
+    place: LineNumber = field(default_factory=lambda: LineNumber(0))
     number: int = 0
     program: list[Line] | None = None
     plc: list[str] | None = None
@@ -185,7 +185,7 @@ class _Taken:
     calculation: list[Line] | None = None
     buffers: BufferLines = field(default_factory=BufferLines)
 
-    def finished(self) -> ProgramText:
+    def to_program_text(self) -> ProgramText:
         number = next((n for n in self.programs if n < FIRST_CODE_PROGRAM), next(iter(self.programs), 0))
         return ProgramText(
             number=number,
@@ -202,7 +202,7 @@ class _Taken:
             tables=self.tables.tables,
             setting_places=tuple(self.setting_places),
             kinematics={kind: tuple(lines) for kind, lines in self.kinematics.items()},
-            source=self.buffers.finished(),
+            source=self.buffers.source_text(),
         )
 
     def take(self, line: str) -> None:

@@ -30,7 +30,7 @@ class AveragedVelocity:
         self._follow_settings()
         return ldexp(self._change, -self._shift)
 
-    def kept(self, cycles: int, before: int) -> range:
+    def kept_cycles(self, cycles: int, before: int) -> range:
         """Return which of the next servo cycles are kept, after `before` of them."""
         if self._variables.i_revision != self._revision:
             self._follow_settings()

@@ -15,7 +15,7 @@ from drivers.pmac.language.syntax import VariableKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Deferred:
+class DeferredValue:
     """A value that is stored when its move starts."""
 
     kind: VariableKind
@@ -30,7 +30,7 @@ class _ToTargets:
     line: int
     targets: Mapping[str, float]
     absolute: frozenset[str] = frozenset()
-    deferred: tuple[Deferred, ...] = ()
+    deferred: tuple[DeferredValue, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +88,7 @@ class DwellRequest:
     """Come to rest, then wait in real time; `deferred` take effect when the waiting begins."""
 
     duration_ms: float
-    deferred: tuple[Deferred, ...] = ()
+    deferred: tuple[DeferredValue, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,12 +131,14 @@ class Halt:
 
 
 @dataclass(frozen=True, slots=True)
-class Finished:
+class EndOfProgram:
     """The end of the program."""
 
 
 MoveRequest = LinearRequest | CircleRequest | RapidRequest | SplineRequest | PvtRequest
-Request = MoveRequest | DwellRequest | HomeRequest | TriggerRequest | PresetRequest | BlendBreak | Halt | Finished
+Request = (
+    MoveRequest | DwellRequest | HomeRequest | TriggerRequest | PresetRequest | BlendBreak | Halt | EndOfProgram
+)
 
 
 class ProgramHost(Protocol):

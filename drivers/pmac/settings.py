@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from drivers.pmac.dialect import PMAC, Dialect, Scope, Setting
+from drivers.pmac.dialect import PMAC, Dialect, FamilySetting, SettingScope
 
 I10_PER_MS = 8_388_608  # I10 counts servo time in 2^-23 ms, and wraps there
 PARTS_PER_COUNT = 16.0  # Ix11, Ix12, Ix26 and Ix28 are in sixteenths of a count
@@ -41,14 +41,14 @@ def _places(index: int, dialect: Dialect) -> Iterable[int]:
         return (index,)
     owner, number = divmod(index, 100)
     for setting, place in PMAC.places.items():
-        if place.number == number and (place.scope is Scope.GLOBAL) == (owner == 0):
+        if place.number == number and (place.scope is SettingScope.GLOBAL) == (owner == 0):
             return _spread(dialect, owner, setting)
     if owner and number >= _FIRST_SYSTEM_NUMBER:
         return (dialect.system_index(owner, number),)
     return (index,)
 
 
-def _spread(dialect: Dialect, owner: int, setting: Setting) -> Iterable[int]:
+def _spread(dialect: Dialect, owner: int, setting: FamilySetting) -> Iterable[int]:
     """Map with `owner` 0 for what the non-Turbo controller has once; then all motors or systems get it."""
     owners = (owner,) if owner else dialect.numbers(dialect.places[setting].scope)
     return {dialect.index(setting, each) for each in owners}

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.pmac.dialect import PMAC, Dialect, Setting
+from drivers.pmac.dialect import PMAC, Dialect, FamilySetting
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.memory import SPACES, WIDTHS, WORD_BITS, Memory, Pointer
@@ -96,7 +96,7 @@ class VariableStore:
         """Return Ix`number` of a coordinate system."""
         return self._i.get(self.dialect.system_index(system, number), 0.0)
 
-    def setting(self, setting: Setting, owner: int = 1) -> float:
+    def setting(self, setting: FamilySetting, owner: int = 1) -> float:
         """Return a setting whose number depends on the family; `owner` is a motor or a system."""
         return self._i.get(self.dialect.index(setting, owner), 0.0)
 

@@ -205,8 +205,8 @@ class Witness:
         )
         return (
             _COUNTS,
-            f"{_SUM}={_weighted(self._settings)}",
-            f"{_CONSTANT_SUM}={_weighted(constants)}",
+            f"{_SUM}={_weighted_sum(self._settings)}",
+            f"{_CONSTANT_SUM}={_weighted_sum(constants)}",
             f"IF({_STATE}={BEGINS})",
             *(f"{name}=0" for name in (_CHANGED, _CONSTANT_CHANGED, _INSIDE)),
             *(f"{_SETTINGS}={_SUM}", f"{_CONSTANTS}={_CONSTANT_SUM}", f"{_STATE}={WATCHES}", "ENDIF"),
@@ -224,6 +224,6 @@ class Witness:
         )
 
 
-def _weighted(names: tuple[str, ...] | list[str]) -> str:
+def _weighted_sum(names: tuple[str, ...] | list[str]) -> str:
     """Return a sum in which each has a weight of its own: two equal and opposite changes do not cancel."""
     return "+".join(f"{weight}*{name}" for weight, name in enumerate(names, start=2))

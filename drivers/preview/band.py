@@ -14,7 +14,7 @@ import numpy as np
 
 from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 from drivers.identification.nominal import path_response
-from drivers.preview.preview import Prediction, Underway
+from drivers.preview.preview import PartialPreview, ProgramPrediction
 from profiles.axis.friction import ASSUMED_FRICTION_N, friction_um_pp
 from profiles.axis.response import ServoResponse
 from profiles.chucking.grip import lobe_um_per_n
@@ -73,7 +73,7 @@ class Band:
         return self.after_um + self._reach_um
 
 
-def predicted_band(seen: Underway, strategy: Strategy) -> Band | None:
+def predicted_band(seen: PartialPreview, strategy: Strategy) -> Band | None:
     """Return the band of a strategy, None where it cannot be planned."""
     made, job, machine = seen.predictions.get(strategy), seen.job, seen.machine
     if made is None:
@@ -94,7 +94,7 @@ def predicted_band(seen: Underway, strategy: Strategy) -> Band | None:
     )
 
 
-def _friction_um(seen: Underway, path: Strategy, response: ServoResponse, made: Prediction) -> float:
+def _friction_um(seen: PartialPreview, path: Strategy, response: ServoResponse, made: ProgramPrediction) -> float:
     """Return the motion lost to the assumed friction in a model, p-p.
 
     Where the response was identified: the change of friction's effect from its amplitude a to that of the cut,
@@ -105,8 +105,8 @@ def _friction_um(seen: Underway, path: Strategy, response: ServoResponse, made: 
     if response.amplitude_um is None:
         return friction_um_pp(seen.machine, made.lobe_frequency_hz, ASSUMED_FRICTION_N, path_um)
     frequency_hz = seen.job.lobe_frequency_hz
-    model = path_response(path, seen.machine).at(frequency_hz)
-    off = abs(model / response.at(frequency_hz) - 1.0)
+    model = path_response(path, seen.machine).response_at(frequency_hz)
+    off = abs(model / response.response_at(frequency_hz) - 1.0)
     return off * abs(1.0 - response.amplitude_um / amplitude_um) * path_um if amplitude_um else 0.0
 
 

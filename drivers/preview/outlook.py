@@ -13,7 +13,7 @@ from drivers.pmac.motor_settings import MotorSettings
 from profiles.axis.response import ServoResponse
 from profiles.axis.servo import DriveNeed, drive_need, eq9_response, sampled_response
 from profiles.chucking.grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
-from profiles.compensations.learned import ExpectedPart
+from profiles.compensations.learned_compensation import ExpectedPart
 from profiles.compensations.path import CutPath, LobedPath, residual_um_pp, target_path
 from profiles.findings import Finding
 from profiles.job import Job

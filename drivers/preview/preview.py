@@ -12,20 +12,20 @@ from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 from drivers.identification.nominal import loop_response, nominal_response
 from drivers.preview.outlook import Demand, Outlook, Response, demands_of, outlook, response_of
-from drivers.preview.program_prediction import TURN_POINTS, FloatArray, Prediction, left_by, predict
-from profiles.axis.response import ServoResponse, Source
+from drivers.preview.program_prediction import TURN_POINTS, FloatArray, ProgramPrediction, left_by, predict
+from profiles.axis.response import ResponseSource, ServoResponse
 from profiles.axis.servo import Eq9Summary, drive_need, eq9_summary
 from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
 
-__all__ = ["Demand", "Prediction", "Response"]  # beside what is defined here
+__all__ = ["Demand", "ProgramPrediction", "Response"]  # beside what is defined here
 _TURN_DEG: FloatArray = np.linspace(0.0, 360.0, TURN_POINTS, endpoint=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class ProgramInput:
     """The input of one program, see `drivers.cutting.planning.plan_cut`."""
 
     job: Job
@@ -44,11 +44,11 @@ class Program:
     """
 
     plan: CutPlan | ProblemError
-    prediction: Prediction | None
+    prediction: ProgramPrediction | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Underway(Outlook):
+class PartialPreview(Outlook):
     """A job on a machine while its programs are simulated: the outlook, and every finished program.
 
     `strategies` has the outcome of each, `predictions` those that can be planned. `eq9_loop` is None
@@ -57,11 +57,11 @@ class Underway(Outlook):
 
     eq9_loop: Eq9Summary | None
     strategies: dict[Strategy, CutPlan | ProblemError]
-    predictions: dict[Strategy, Prediction]
+    predictions: dict[Strategy, ProgramPrediction]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Preview(Underway):
+class Preview(PartialPreview):
     """The complete preview of a job on a machine, without motion: the outlook, and every program."""
 
     eq9_loop: Eq9Summary
@@ -82,7 +82,7 @@ def preview(
     """
     seen = outlook(job, machine, strategy, response, path=path)
     programs = {each.strategy: program_of(each) for each in all_asked(job, machine, strategy, response, path)}
-    return whole(seen, eq9_summary(machine), programs)
+    return complete_preview(seen, eq9_summary(machine), programs)
 
 
 def all_asked(
@@ -92,17 +92,17 @@ def all_asked(
     response: ServoResponse | None,
     path: CutPath | None,
     air_mm: float = 0.0,
-) -> tuple[Asked, ...]:
+) -> tuple[ProgramInput, ...]:
     """Return the inputs of the programs of all strategies; the last three are for `strategy` alone."""
     return tuple(
-        Asked(job=job, machine=machine, strategy=each, response=response, path=path, air_mm=air_mm)
+        ProgramInput(job=job, machine=machine, strategy=each, response=response, path=path, air_mm=air_mm)
         if each is strategy
-        else Asked(job=job, machine=machine, strategy=each)
+        else ProgramInput(job=job, machine=machine, strategy=each)
         for each in Strategy
     )
 
 
-def program_of(asked: Asked) -> Program:
+def program_of(asked: ProgramInput) -> Program:
     """Plan one program, simulate it, and predict the residual."""
     job, machine, response = asked.job, asked.machine, asked.response
     # The moves would trigger one full garbage collection after the other, during which no key is handled. They
@@ -121,10 +121,10 @@ def program_of(asked: Asked) -> Program:
             gc.enable()
 
 
-def underway(seen: Outlook, eq9_loop: Eq9Summary | None, programs: Mapping[Strategy, Program]) -> Underway:
+def underway(seen: Outlook, eq9_loop: Eq9Summary | None, programs: Mapping[Strategy, Program]) -> PartialPreview:
     """Return an outlook with the finished programs, in the order of the strategies."""
     made = {each: programs[each] for each in Strategy if each in programs}
-    return Underway(
+    return PartialPreview(
         **{field.name: getattr(seen, field.name) for field in fields(Outlook)},
         eq9_loop=eq9_loop,
         strategies={each: program.plan for each, program in made.items()},
@@ -132,7 +132,7 @@ def underway(seen: Outlook, eq9_loop: Eq9Summary | None, programs: Mapping[Strat
     )
 
 
-def whole(seen: Outlook, eq9_loop: Eq9Summary, programs: Mapping[Strategy, Program]) -> Preview:
+def complete_preview(seen: Outlook, eq9_loop: Eq9Summary, programs: Mapping[Strategy, Program]) -> Preview:
     """Return an outlook with all programs."""
     complete = underway(seen, eq9_loop, programs)
     return Preview(**{field.name: getattr(complete, field.name) for field in fields(Preview)})
@@ -175,14 +175,14 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
         return None
     job, machine = seen.job, seen.machine
     path_um = np.full(TURN_POINTS, command.mean_um)
-    identified = strategy is seen.strategy and seen.response.source is Source.IDENTIFIED
+    identified = strategy is seen.strategy and seen.response.source is ResponseSource.IDENTIFIED
     for harmonic in command.harmonics:
         frequency_hz = harmonic.lobes * job.spindle_speed_rpm / 60.0
         if identified and harmonic.lobes == job.jaws:
-            answer = seen.response.at(frequency_hz)
+            answer = seen.response.response_at(frequency_hz)
         else:
             answer = nominal_response(strategy, machine, frequency_hz)
-        path_um += PathHarmonic.of(harmonic.lobes, answer * harmonic.coefficient).at_um(_TURN_DEG)
+        path_um += PathHarmonic.from_coefficient(harmonic.lobes, answer * harmonic.coefficient).at_um(_TURN_DEG)
     response = seen.sampled
     if identified:
         response = response_of(job, loop_response(strategy, machine, seen.response, job.lobe_frequency_hz))

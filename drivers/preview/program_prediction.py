@@ -14,7 +14,7 @@ from drivers.cutting.planning import CutPlan
 from drivers.identification.nominal import loop_response
 from drivers.pmac.trajectory.pieces import position_at
 from drivers.preview.outlook import Demand, Response, demands_of, response_of
-from profiles.axis.response import ServoResponse, Source
+from profiles.axis.response import ResponseSource, ServoResponse
 from profiles.axis.servo import drive_need, sampled_response
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
@@ -27,7 +27,7 @@ _STEADY_FROM = 0.4  # fraction of the feed: the examined turn is far from the st
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prediction:
+class ProgramPrediction:
     """What one program makes of the part, over one turn of the steady cut; every array has shape (TURN_POINTS,).
 
     `angle_deg` are spindle angles, rising in [0, 360). `command_um` is the programmed tool path, `path_um` the
@@ -61,7 +61,9 @@ class Prediction:
         return float(np.mean(self.path_um))
 
 
-def predict(job: Job, machine: MachineProfile, plan: CutPlan, response: ServoResponse | None = None) -> Prediction:
+def predict(
+    job: Job, machine: MachineProfile, plan: CutPlan, response: ServoResponse | None = None
+) -> ProgramPrediction:
     """Predict what a planned cut makes of the part.
 
     The motion is that of the program, move by move; the spindle follows exactly, the tool as the nominal servo
@@ -70,17 +72,17 @@ def predict(job: Job, machine: MachineProfile, plan: CutPlan, response: ServoRes
     """
     angle_deg, command_um = _steady_turn(machine, plan)
     known = {}  # the loop by its order (UPR), where it was identified
-    if response is not None and response.source is Source.IDENTIFIED:
+    if response is not None and response.source is ResponseSource.IDENTIFIED:
         known[job.jaws] = loop_response(plan.strategy, machine, response, job.lobe_frequency_hz)
-    path_um = followed(machine, command_um, plan.spindle_speed_rpm, known)
+    path_um = predict_following(machine, command_um, plan.spindle_speed_rpm, known)
     frequency_hz = job.jaws * plan.spindle_speed_rpm / 60.0
     order = np.argsort(angle_deg, kind="stable")
     need = drive_need(machine, 0.5 * float(np.ptp(command_um)), frequency_hz)
-    return Prediction(
-        angle_deg=_kept(angle_deg[order]),
-        command_um=_kept(command_um[order]),
-        path_um=_kept(path_um[order]),
-        residual_um=_kept(left_by(job, angle_deg, path_um)[order]),
+    return ProgramPrediction(
+        angle_deg=_freeze_array(angle_deg[order]),
+        command_um=_freeze_array(command_um[order]),
+        path_um=_freeze_array(path_um[order]),
+        residual_um=_freeze_array(left_by(job, angle_deg, path_um)[order]),
         lobe_frequency_hz=frequency_hz,
         response=response_of(job, known.get(job.jaws, complex(sampled_response(machine, frequency_hz)))),
         demands=demands_of(machine, need),
@@ -96,7 +98,7 @@ def left_by(job: Job, angle_deg: FloatArray, path_um: FloatArray) -> FloatArray:
     return np.asarray(left_um - left_um.mean(), dtype=np.float64)
 
 
-def followed(
+def predict_following(
     machine: MachineProfile, command: FloatArray, speed_rpm: float, known: Mapping[int, complex] | None = None
 ) -> FloatArray:
     """Return how the tool servo follows one turn of a periodic motion.
@@ -138,6 +140,6 @@ def _steady_turn(machine: MachineProfile, plan: CutPlan) -> tuple[FloatArray, Fl
     )
 
 
-def _kept(values: FloatArray) -> FloatArray:
+def _freeze_array(values: FloatArray) -> FloatArray:
     values.setflags(write=False)
     return values

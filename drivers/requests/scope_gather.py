@@ -40,7 +40,7 @@ MOST_CHANNELS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class MachineConditions:
     """What the newest state says. `near_cut`: a cut is loaded and may start; `cutting`: its program runs."""
 
     now_s: float
@@ -51,7 +51,7 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
+class ScopeProgress:
     """`stage` is `waiting`, `setting`, `gathering` or `fetching`; `part` of it is done; `tries` records so far."""
 
     stage: str
@@ -59,7 +59,7 @@ class Progress:
     tries: int = 0
 
 
-class Axis(StrEnum):
+class ScopeAxis(StrEnum):
     """Axes of the machine, in the words of its profile."""
 
     TOOL = "tool"
@@ -67,7 +67,7 @@ class Axis(StrEnum):
     CARRIAGE = "carriage"
 
 
-class Quantity(StrEnum):
+class MotorRegister(StrEnum):
     """Registers of a motor that can be gathered, by the names of the families' tables."""
 
     COMMANDED = "commanded"
@@ -78,7 +78,7 @@ class Quantity(StrEnum):
     """What the servo commands the amplifier to give: a voltage. The current itself is not gathered."""
 
 
-class Trigger(StrEnum):
+class ScopeTrigger(StrEnum):
     """When the record begins."""
 
     NOW = "now"
@@ -91,8 +91,8 @@ class Trigger(StrEnum):
 class Channel:
     """One register of one axis; `key` is its name in files."""
 
-    axis: Axis
-    quantity: Quantity
+    axis: ScopeAxis
+    quantity: MotorRegister
 
     @property
     def key(self) -> str:
@@ -102,22 +102,22 @@ class Channel:
     @property
     def si_unit(self) -> str:
         """Its unit in files."""
-        if self.quantity is Quantity.OUTPUT:
+        if self.quantity is MotorRegister.OUTPUT:
             return "V"
-        unit = "rad" if self.axis is Axis.SPINDLE else "m"
-        return f"{unit}/s" if self.quantity is Quantity.VELOCITY else unit
+        unit = "rad" if self.axis is ScopeAxis.SPINDLE else "m"
+        return f"{unit}/s" if self.quantity is MotorRegister.VELOCITY else unit
 
 
 CHANNELS = tuple(
     Channel(axis, quantity)
     for axis, quantities in (
-        (Axis.TOOL, tuple(Quantity)),
-        (Axis.SPINDLE, (Quantity.ACTUAL, Quantity.FOLLOWING_ERROR, Quantity.VELOCITY)),
-        (Axis.CARRIAGE, (Quantity.ACTUAL, Quantity.FOLLOWING_ERROR, Quantity.VELOCITY)),
+        (ScopeAxis.TOOL, tuple(MotorRegister)),
+        (ScopeAxis.SPINDLE, (MotorRegister.ACTUAL, MotorRegister.FOLLOWING_ERROR, MotorRegister.VELOCITY)),
+        (ScopeAxis.CARRIAGE, (MotorRegister.ACTUAL, MotorRegister.FOLLOWING_ERROR, MotorRegister.VELOCITY)),
     )
     for quantity in quantities
 )
-ANGLE = Channel(Axis.SPINDLE, Quantity.ACTUAL)
+ANGLE = Channel(ScopeAxis.SPINDLE, MotorRegister.ACTUAL)
 
 
 def channel_of(key: str) -> Channel:
@@ -133,16 +133,16 @@ class ScopeSetup:
     """What is gathered. `level` is in the display unit of `level_of`, for a trigger on a level."""
 
     channels: tuple[Channel, ...] = (
-        Channel(Axis.TOOL, Quantity.COMMANDED),
-        Channel(Axis.TOOL, Quantity.ACTUAL),
-        Channel(Axis.TOOL, Quantity.FOLLOWING_ERROR),
+        Channel(ScopeAxis.TOOL, MotorRegister.COMMANDED),
+        Channel(ScopeAxis.TOOL, MotorRegister.ACTUAL),
+        Channel(ScopeAxis.TOOL, MotorRegister.FOLLOWING_ERROR),
         ANGLE,
     )
     period_cycles: int = 2
     length_s: float = 0.5
-    trigger: Trigger = Trigger.NOW
+    trigger: ScopeTrigger = ScopeTrigger.NOW
     level: float = 0.0
-    level_of: Channel = Channel(Axis.TOOL, Quantity.FOLLOWING_ERROR)
+    level_of: Channel = Channel(ScopeAxis.TOOL, MotorRegister.FOLLOWING_ERROR)
 
     def samples(self, cycle_ms: float) -> int:
         """Return the number of samples."""
@@ -154,46 +154,46 @@ class ScopeSetup:
         return self.samples(cycle_ms) * ((words + 1) // 2)
 
 
-def motor_of(axis: Axis, machine: MachineProfile) -> int:
+def motor_of(axis: ScopeAxis, machine: MachineProfile) -> int:
     """Return the number of the motor of an axis."""
-    motors = {Axis.TOOL: machine.tool.motor, Axis.SPINDLE: machine.spindle.motor}
+    motors = {ScopeAxis.TOOL: machine.tool.motor, ScopeAxis.SPINDLE: machine.spindle.motor}
     return motors.get(axis, machine.carriage.motor)
 
 
 def si_per_count(channel: Channel, machine: MachineProfile) -> float:
     """Return metres or radians per count of the encoder of an axis, or volts per bit of the output."""
-    if channel.quantity is Quantity.OUTPUT:
+    if channel.quantity is MotorRegister.OUTPUT:
         return machine.tool.v_per_bit
-    if channel.axis is Axis.SPINDLE:
+    if channel.axis is ScopeAxis.SPINDLE:
         return 6.283185307179586 / machine.spindle.counts_per_rev
-    axis = machine.tool if channel.axis is Axis.TOOL else machine.carriage
+    axis = machine.tool if channel.axis is ScopeAxis.TOOL else machine.carriage
     return 1e-3 / axis.counts_per_mm
 
 
 _DISPLAY = {  # unit, and how many of it are one SI unit
-    (False, Quantity.COMMANDED): ("mm", 1e3),
-    (False, Quantity.ACTUAL): ("mm", 1e3),
-    (False, Quantity.FOLLOWING_ERROR): ("um", 1e6),
-    (False, Quantity.VELOCITY): ("mm/s", 1e3),
-    (False, Quantity.OUTPUT): ("V", 1.0),
-    (True, Quantity.ACTUAL): ("°", 57.29577951308232),
-    (True, Quantity.FOLLOWING_ERROR): ("°", 57.29577951308232),
-    (True, Quantity.VELOCITY): ("rpm", 9.549296585513721),
+    (False, MotorRegister.COMMANDED): ("mm", 1e3),
+    (False, MotorRegister.ACTUAL): ("mm", 1e3),
+    (False, MotorRegister.FOLLOWING_ERROR): ("um", 1e6),
+    (False, MotorRegister.VELOCITY): ("mm/s", 1e3),
+    (False, MotorRegister.OUTPUT): ("V", 1.0),
+    (True, MotorRegister.ACTUAL): ("°", 57.29577951308232),
+    (True, MotorRegister.FOLLOWING_ERROR): ("°", 57.29577951308232),
+    (True, MotorRegister.VELOCITY): ("rpm", 9.549296585513721),
 }
 
 
 def display_of(channel: Channel) -> tuple[str, float]:
     """Return the unit in which a channel is shown, and how many of it are one SI unit."""
-    return _DISPLAY[channel.axis is Axis.SPINDLE, channel.quantity]
+    return _DISPLAY[channel.axis is ScopeAxis.SPINDLE, channel.quantity]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Record:
+class ScopeRecord:
     """Samples in SI units, by channel, shape (M,) each; `times_s` counts from the trigger."""
 
     machine: str
     taken: str
-    trigger: Trigger
+    trigger: ScopeTrigger
     times_s: Floats
     values: dict[Channel, Floats] = field(default_factory=dict)
 
@@ -206,8 +206,8 @@ class Scope:
         client: SideController,
         cleaner: SideController,
         machine: MachineProfile,
-        seen: Callable[[], Seen],
-        told: Callable[[Progress], object],
+        seen: Callable[[], MachineConditions],
+        told: Callable[[ScopeProgress], object],
     ) -> None:
         self._client, self._cleaner, self._machine = client, cleaner, machine
         self._seen, self._told = seen, told
@@ -215,7 +215,7 @@ class Scope:
         self._ours = False
         self._tries = 0
 
-    def record(self, setup: ScopeSetup, taken: str) -> Record:
+    def record(self, setup: ScopeSetup, taken: str) -> ScopeRecord:
         """Return a record; `taken` is the date written into it.
 
         Raises:
@@ -224,51 +224,51 @@ class Scope:
             CancelledError: it was ended.
         """
         try:
-            return self._recorded(setup, taken)
+            return self._gather_record(setup, taken)
         except ControllerError as error:
             raise self._refusal(error) from error
         except GatherError as error:
-            raise self._failed("gather.failed", str(error)) from error
+            raise self._gather_error("gather.failed", str(error)) from error
         finally:
             self._give_back()
 
-    def _recorded(self, setup: ScopeSetup, taken: str) -> Record:
+    def _gather_record(self, setup: ScopeSetup, taken: str) -> ScopeRecord:
         plan: GatherPlan | None = None
         while True:
             self._await_start(setup, loaded=True)
-            plan = plan or self._prepared(setup)
+            plan = plan or self._prepare_plan(setup)
             self._await_start(setup, loaded=False)
-            data = self._gathered(plan)
+            data = self._gather_data(plan)
             record = self._in_si(setup, plan, data, taken)
             self._tries += 1
-            if setup.trigger not in (Trigger.RISING, Trigger.FALLING):
+            if setup.trigger not in (ScopeTrigger.RISING, ScopeTrigger.FALLING):
                 return record
             place = crossing(record.values[setup.level_of] * display_of(setup.level_of)[1], setup)
             if place is not None:
-                return _shifted(record, place)
+                return _shift_record(record, place)
 
     def _await_start(self, setup: ScopeSetup, *, loaded: bool) -> None:
         """Wait for the cut: until it is loaded, which takes the gather buffer, or until its program runs."""
-        if setup.trigger is not Trigger.CUT:
+        if setup.trigger is not ScopeTrigger.CUT:
             return
         while not (self._seen().near_cut if loaded else self._seen().cutting):
             self._sleep("waiting")
 
-    def _prepared(self, setup: ScopeSetup) -> GatherPlan:
-        self._told(Progress("setting", tries=self._tries))
+    def _prepare_plan(self, setup: ScopeSetup) -> GatherPlan:
+        self._told(ScopeProgress("setting", tries=self._tries))
         cycle_ms, dialect = self._machine.controller.servo_period_ms, self._client.dialect
         words = setup.long_words(cycle_ms, dialect)
         if words > MOST_LONG_WORDS:
-            raise self._failed("scope.too_long", str(words), f"<= {MOST_LONG_WORDS}")
+            raise self._gather_error("scope.too_long", str(words), f"<= {MOST_LONG_WORDS}")
         if not self._ours and self._gathering.running():
-            raise self._failed("scope.in_use")
+            raise self._gather_error("scope.in_use")
         names = [f"#{motor_of(each.axis, self._machine)} {each.quantity}" for each in setup.channels]
         channels = self._gathering.motor_channels(*names)
         plan = self._gathering.prepare(channels, setup.samples(cycle_ms), setup.period_cycles)
         self._ours = True
         return plan
 
-    def _gathered(self, plan: GatherPlan) -> GatheredData:
+    def _gather_data(self, plan: GatherPlan) -> GatheredData:
         began_s, length_s = self._seen().now_s, plan.duration_ms / 1000.0
         if self._tries:
             self._gathering.start(plan)
@@ -278,22 +278,22 @@ class Scope:
         while (gone_s := self._seen().now_s - began_s) < length_s + MARGIN_S:
             self._sleep("gathering", gone_s / max(length_s, SLICE_S))
         self._client.request("ENDGATHER")
-        lines = self._fetched(plan)
+        lines = self._fetch_lines(plan)
         if not self._gathering.set_up_as(plan):
             self._ours = False
-            raise self._failed("scope.changed")
+            raise self._gather_error("scope.changed")
         size = plan.long_words // plan.samples
         whole = len(" ".join(lines).split()) // size * size
         words = " ".join(lines).split()[:whole]
         if not words:
-            raise self._failed("scope.empty")
+            raise self._gather_error("scope.empty")
         return GatheredData.from_listing([" ".join(words)], plan.channels, plan.period_cycles, plan.cycle_ms)
 
-    def _fetched(self, plan: GatherPlan) -> list[str]:
+    def _fetch_lines(self, plan: GatherPlan) -> list[str]:
         lines: list[str] = []
         first = 0
         while first < plan.long_words:
-            self._told(Progress("fetching", first / plan.long_words, self._tries))
+            self._told(ScopeProgress("fetching", first / plan.long_words, self._tries))
             count = min(self._piece(), plan.long_words - first)
             part = self._client.question(f"LIST GATHER {first},{count}", PIECE_TIMEOUT_S)
             found = sum(len(line.split()) for line in part)
@@ -309,15 +309,15 @@ class Scope:
         fraction = min(1.0, PIECE_POLL_S / max(seen.round_trip_s, PIECE_POLL_S)) ** 2
         return max(LEAST_WORDS, math.floor(fraction * (FETCH_WORDS_REST if seen.at_rest else FETCH_WORDS_MOTION)))
 
-    def _in_si(self, setup: ScopeSetup, plan: GatherPlan, data: GatheredData, taken: str) -> Record:
+    def _in_si(self, setup: ScopeSetup, plan: GatherPlan, data: GatheredData, taken: str) -> ScopeRecord:
         per_s = 1000.0 / plan.cycle_ms
         values: dict[Channel, Floats] = {}
         for channel, each in zip(setup.channels, plan.channels, strict=True):
             scale = si_per_count(channel, self._machine)
             values[channel] = data.values[each.name] * (
-                scale * per_s if channel.quantity is Quantity.VELOCITY else scale
+                scale * per_s if channel.quantity is MotorRegister.VELOCITY else scale
             )
-        return Record(
+        return ScopeRecord(
             machine=self._machine.name,
             taken=taken,
             trigger=setup.trigger,
@@ -326,7 +326,7 @@ class Scope:
         )
 
     def _sleep(self, stage: str, part: float = 0.0) -> None:
-        self._told(Progress(stage, min(part, 1.0), self._tries))
+        self._told(ScopeProgress(stage, min(part, 1.0), self._tries))
         self._client.end_if_cancelled()
         time.sleep(SLICE_S)
 
@@ -341,26 +341,26 @@ class Scope:
 
     def _refusal(self, error: ControllerError) -> DriverError:
         if error.error_number == ErrorCode.NO_ROOM:
-            return self._failed("scope.no_room", str(SPARE_LONG_WORDS))
+            return self._gather_error("scope.no_room", str(SPARE_LONG_WORDS))
         if self._ours:  # the buffer is gone, or is being filled: somebody else works with it
             self._ours = False
-            return self._failed("scope.changed")
-        return self._failed("gather.failed", str(error))
+            return self._gather_error("scope.changed")
+        return self._gather_error("gather.failed", str(error))
 
-    def _failed(self, code: str, value: str = "", limit: str = "") -> DriverError:
+    def _gather_error(self, code: str, value: str = "", limit: str = "") -> DriverError:
         return DriverError(Problem(code=code, where=self._client.link.address, value=value, limit=limit))
 
 
 def crossing(values: Floats, setup: ScopeSetup) -> int | None:
     """Return the first sample at which the values have crossed the level in the direction, None where none has."""
-    beyond = values > setup.level if setup.trigger is Trigger.RISING else values < setup.level
+    beyond = values > setup.level if setup.trigger is ScopeTrigger.RISING else values < setup.level
     places = np.flatnonzero(beyond[1:] & ~beyond[:-1])
     return int(places[0]) + 1 if places.size else None
 
 
-def _shifted(record: Record, place: int) -> Record:
+def _shift_record(record: ScopeRecord, place: int) -> ScopeRecord:
     """Return a record whose time counts from one of its samples."""
-    return Record(
+    return ScopeRecord(
         machine=record.machine,
         taken=record.taken,
         trigger=record.trigger,

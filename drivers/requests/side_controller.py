@@ -9,8 +9,8 @@ from drivers.errors import LinkError, RefusedError
 from drivers.link.base import Link, is_gone
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.expected_replies import expected_replies, replied_number
-from drivers.requests.permitted import Kind
-from drivers.requests.side_line import REST_TIMEOUT_S, Asked, CancelledError, SideLine
+from drivers.requests.permitted_lines import RequestKind
+from drivers.requests.side_line import REST_TIMEOUT_S, CancelledError, SideLine, SideRequest
 from profiles.problem import Problem
 
 TRIES = 3  # of a line that only reads
@@ -23,7 +23,7 @@ class SideController(Controller):
     Nothing here can move anything: the link's thread sends only what `permitted` allows.
     """
 
-    def __init__(self, side: SideLine, kind: Kind) -> None:
+    def __init__(self, side: SideLine, kind: RequestKind) -> None:
         self.requests_sent = self.reply_lines = 0
         self._side, self._kind = side, kind
         self._cancelled, self._last = False, ""
@@ -63,7 +63,7 @@ class SideController(Controller):
         """Ask one line; errors as `SideLine.ask`."""
         self._last = line
         lines = expected_replies(line).lines if lines is None else lines
-        asked = Asked(line=line, kind=self._kind, lines=lines, timeout_s=timeout_s)
+        asked = SideRequest(line=line, kind=self._kind, lines=lines, timeout_s=timeout_s)
         self.requests_sent += 1
         answer = self._side.ask(asked, lambda: self._cancelled)
         self.reply_lines += len(answer)

@@ -26,7 +26,7 @@ from drivers.link.base import Link
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.expected_replies import expected_replies
-from drivers.requests.permitted import Kind, gathers, permission
+from drivers.requests.permitted_lines import RequestKind, gathers, permission
 from profiles.problem import Problem, ProblemError
 
 ANSWER_S = 0.17  # reply timeout in motion, as for a poll under a watchdog
@@ -43,7 +43,7 @@ SENT, RECEIVED, STOP, FAILED = ">", "<", "!", "*"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
+class RequestConditions:
     """What the next requests are judged by. `homing`: an axis seeks its switch; `stopping`: rest is not proven."""
 
     at_rest: bool
@@ -58,11 +58,11 @@ class CancelledError(Exception):
 
 
 @dataclass(eq=False)
-class Asked:
+class SideRequest:
     """One request, and its answer."""
 
     line: str
-    kind: Kind
+    kind: RequestKind
     lines: int | None
     timeout_s: float
     answer: SimpleQueue[Lines | BaseException] = field(default_factory=SimpleQueue)
@@ -70,7 +70,7 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class TrafficPiece:
     """Bytes in one direction, in order `number`; `mark` as in a trace."""
 
     number: int
@@ -80,7 +80,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spoken:
+class TrafficLine:
     """One line of the list: a request with its data, a stop, or a failure, the text with its control characters.
 
     `number` is that of its last piece, `poll` whether it is a status poll.
@@ -93,15 +93,15 @@ class Spoken:
     poll: bool
 
 
-class Heard:
+class LineTraffic:
     """The newest pieces. A line that ends with `poll_line` is a status poll."""
 
     def __init__(self, now_s: Callable[[], float]) -> None:
         self.poll_line = b""
         self.began_s = now_s()
         self._now_s = now_s
-        self._kept: deque[Piece] = deque(maxlen=KEPT)
-        self._polls: deque[Piece] = deque(maxlen=POLLS_KEPT)
+        self._kept: deque[TrafficPiece] = deque(maxlen=KEPT)
+        self._polls: deque[TrafficPiece] = deque(maxlen=POLLS_KEPT)
         self._numbers = itertools.count(1)
         self._target = self._kept
 
@@ -110,7 +110,7 @@ class Heard:
         if mark == SENT:
             self._target = self._polls if self._polls_with(data) else self._kept
         target = self._target if mark in (SENT, RECEIVED) else self._kept
-        target.append(Piece(next(self._numbers), self._now_s(), mark, data))
+        target.append(TrafficPiece(next(self._numbers), self._now_s(), mark, data))
 
     def _polls_with(self, data: bytes) -> bool:
         return bool(self.poll_line) and data.rstrip(b"\r").endswith(self.poll_line)
@@ -120,16 +120,16 @@ class Heard:
         kept = (self._kept, self._polls) if polls else (self._kept,)
         return max((pieces[-1].number for pieces in kept if pieces), default=0)
 
-    def spoken(self, *, polls: bool) -> tuple[Spoken, ...]:
+    def list_traffic(self, *, polls: bool) -> tuple[TrafficLine, ...]:
         """Return what went over the link in its order, with the status polls or without."""
-        kept = [(piece, False) for piece in _copied(self._kept)]
+        kept = [(piece, False) for piece in _copy_pieces(self._kept)]
         if polls:
-            kept += [(piece, True) for piece in _copied(self._polls)]
+            kept += [(piece, True) for piece in _copy_pieces(self._polls)]
             kept.sort(key=lambda each: each[0].number)
-        return tuple(_joined(kept))
+        return tuple(_join_pieces(kept))
 
 
-def _copied(pieces: deque[Piece]) -> list[Piece]:
+def _copy_pieces(pieces: deque[TrafficPiece]) -> list[TrafficPiece]:
     """Return a copy, safe against entries appended meanwhile."""
     while True:
         try:
@@ -138,9 +138,9 @@ def _copied(pieces: deque[Piece]) -> list[Piece]:
             continue
 
 
-def _joined(pieces: list[tuple[Piece, bool]]) -> list[Spoken]:
+def _join_pieces(pieces: list[tuple[TrafficPiece, bool]]) -> list[TrafficLine]:
     """Join pieces of one direction: a line goes out in parts where the link paces it, and comes in as many."""
-    found: list[Spoken] = []
+    found: list[TrafficLine] = []
     for piece, poll in pieces:
         text = piece.data.decode("latin-1")
         last = found[-1] if found else None
@@ -148,7 +148,7 @@ def _joined(pieces: list[tuple[Piece, bool]]) -> list[Spoken]:
         if last is not None and joins and last.poll == poll and not last.text.endswith(_ENDS[piece.mark]):
             found[-1] = replace(last, number=piece.number, text=last.text + text)
         else:
-            found.append(Spoken(number=piece.number, at_s=piece.at_s, mark=piece.mark, text=text, poll=poll))
+            found.append(TrafficLine(number=piece.number, at_s=piece.at_s, mark=piece.mark, text=text, poll=poll))
     return found
 
 
@@ -159,12 +159,12 @@ class SideLine:
     """Passes the requests of worker threads to the thread of the link."""
 
     def __init__(
-        self, client: PmacClient, clock: Clock, heard: Heard, stopped: Callable[[], bool] = lambda: False
+        self, client: PmacClient, clock: Clock, heard: LineTraffic, stopped: Callable[[], bool] = lambda: False
     ) -> None:
         """`heard` has what went over the link; `stopped` returns whether a stop is in force."""
         self.heard = heard
         self._client, self._clock, self._stopped = client, clock, stopped
-        self._waiting: SimpleQueue[Asked] = SimpleQueue()
+        self._waiting: SimpleQueue[SideRequest] = SimpleQueue()
         self._lock = threading.Lock()
         self._working = self._readings = 0
 
@@ -211,7 +211,7 @@ class SideLine:
                 self._working -= 1
                 self._readings -= reading
 
-    def ask(self, asked: Asked, cancelled: Callable[[], bool] = lambda: False) -> Lines:
+    def ask(self, asked: SideRequest, cancelled: Callable[[], bool] = lambda: False) -> Lines:
         """Return the reply to a line; for a worker thread, which waits.
 
         Raises:
@@ -239,19 +239,19 @@ class SideLine:
                 raise CancelledError
             return answer
 
-    def serve(self, now: Moment) -> None:
+    def serve(self, now: RequestConditions) -> None:
         """Send what waits, as far as this moment permits. For the thread of the link; never raises."""
         if now.homing or (now.stopping and not now.lost):
             return
         until_s = self._clock.now_s() + AT_REST_S
         may_wait = False
         while (asked := self._next(NEXT_S if may_wait else 0.0)) is not None:
-            asked.answer.put(self._answered(asked, now))
+            asked.answer.put(self._answer_request(asked, now))
             may_wait = now.at_rest and self._working > 0
             if not now.at_rest or self._stopped() or self._clock.now_s() >= until_s:
                 return
 
-    def _next(self, wait_s: float) -> Asked | None:
+    def _next(self, wait_s: float) -> SideRequest | None:
         while True:
             try:
                 asked = self._waiting.get(timeout=wait_s) if wait_s else self._waiting.get_nowait()
@@ -260,7 +260,7 @@ class SideLine:
             if not asked.dropped:
                 return asked
 
-    def _answered(self, asked: Asked, now: Moment) -> Lines | BaseException:
+    def _answer_request(self, asked: SideRequest, now: RequestConditions) -> Lines | BaseException:
         try:
             self._refuse(asked, now)
             timeout_s = asked.timeout_s if now.at_rest else min(asked.timeout_s, ANSWER_S)
@@ -271,18 +271,18 @@ class SideLine:
             value = f"{type(fault).__name__}: {fault}"
             return DriverError(Problem(code="session.fault", value=value[:100]))
 
-    def _refuse(self, asked: Asked, now: Moment) -> None:
+    def _refuse(self, asked: SideRequest, now: RequestConditions) -> None:
         where = self.link.address
         if now.lost:
             raise LinkError(Problem(code="beside.silent", where=where))
         if not (asked.line.isascii() and asked.line.isprintable()):  # a control character acts by itself
             raise RefusedError(Problem(code="terminal.writes", value=asked.line[:40]))
-        if asked.kind is Kind.QUERY:
+        if asked.kind is RequestKind.QUERY:
             permission(asked.line, self.dialect)
-        elif not (asked.kind is Kind.GATHER and gathers(asked.line, self.dialect)):
+        elif not (asked.kind is RequestKind.GATHER and gathers(asked.line, self.dialect)):
             if not expected_replies(asked.line).reads_only:
                 raise RefusedError(Problem(code="terminal.writes", value=asked.line[:40]))
-        if asked.kind is not Kind.QUERY and not now.controls:
+        if asked.kind is not RequestKind.QUERY and not now.controls:
             raise RefusedError(Problem(code="beside.observer", where=where))
-        if asked.kind is Kind.LISTING and not now.at_rest:
+        if asked.kind is RequestKind.LISTING and not now.at_rest:
             raise RefusedError(Problem(code="beside.moves", where=where))

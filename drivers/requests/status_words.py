@@ -50,10 +50,10 @@ def read_status(client: Controller, machine: MachineProfile, dialect: Dialect) -
     """Read all of them in one query. Raises DriverError: `link.out_of_step`, or as `Controller.query`."""
     items = status_items(machine, dialect)
     found = client.query(*(item for _, item, _ in items))
-    return decoded(items, found, client.link.address)
+    return decode_replies(items, found, client.link.address)
 
 
-def decoded(
+def decode_replies(
     items: Sequence[tuple[str, str, BitTable]], found: Sequence[str], where: str = ""
 ) -> tuple[StatusWords, ...]:
     """Return the words of some replies. Raises LinkError: `link.out_of_step`, no hexadecimal digits."""

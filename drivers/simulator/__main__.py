@@ -28,11 +28,11 @@ from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
-from drivers.placed import placed_of
+from drivers.lathe_placement import placed_of
 from drivers.simulator.hosts import control_socket
 from drivers.simulator.hosts.control_address import REFUSED
 from drivers.simulator.hosts.pty import PtyHost
-from drivers.simulator.hosts.real_time import Ending, GoOn, Pace, freeze, keep_time, patient
+from drivers.simulator.hosts.real_time import GoOn, SimulationPace, TerminationSignals, freeze, keep_time, patient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import begun_at
@@ -40,7 +40,7 @@ from drivers.simulator.plant.which_lathe import MOUNTED
 from profiles.job import job_from_table
 from profiles.problem import ProfileError
 from profiles.store import load_machine
-from profiles.strict_values import from_json, positive, whole
+from profiles.strict_values import from_json, positive, whole_number
 
 
 def main() -> None:
@@ -62,13 +62,13 @@ def main() -> None:
     lathe = SimulatedLathe(machine, true, blind=options.blind)
     if placed is not None:
         lathe.take_over(placed)
-    asyncio.run(_serve(lathe, options.channel, Pace()))
+    asyncio.run(_serve(lathe, options.channel, SimulationPace()))
 
 
 def _go_on(lathe: SimulatedLathe, channel: socket.socket) -> None:
     """Serve a copy of the lathe, from its checkpoint on; its time stands still until a pace is set."""
     lathe.disconnect_all()
-    asyncio.run(_serve(lathe, channel, Pace(0.0)))
+    asyncio.run(_serve(lathe, channel, SimulationPace(0.0)))
 
 
 async def converse(
@@ -76,7 +76,7 @@ async def converse(
     device: str,
     reader: asyncio.StreamReader,
     writer: asyncio.StreamWriter,
-    pace: Pace,
+    pace: SimulationPace,
     go_on: GoOn,
 ) -> None:
     """Announce the device, then answer until the other side disconnects. Copies of this process `go_on`."""
@@ -91,7 +91,7 @@ async def converse(
         return  # disconnected in the middle of a line, or a line without end: there is no one to reply to
 
 
-def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict[str, Any]:
+def answer(lathe: SimulatedLathe, line: bytes, pace: SimulationPace | None = None) -> dict[str, Any]:
     """Execute the request in a line; that of another pace changes `pace`."""
     try:
         request = from_json(line)
@@ -99,7 +99,7 @@ def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict
         act = _ANSWERS.get(wanted) if isinstance(wanted, str) else None
         if act is None:
             return {"refused": f"nothing to do: {wanted}"}
-        return act(lathe, request, pace or Pace()) or {}
+        return act(lathe, request, pace or SimulationPace()) or {}
     except (ProfileError, RuntimeError) as error:
         return {"refused": str(error)}
     except (ValueError, TypeError, KeyError) as error:
@@ -113,7 +113,7 @@ def _measure(lathe: SimulatedLathe) -> dict[str, Any]:
 
 
 def _indicate(lathe: SimulatedLathe, places: Any) -> dict[str, Any]:
-    return asdict(lathe.indicate(None if places is None else whole(places)))
+    return asdict(lathe.indicate(None if places is None else whole_number(places)))
 
 
 def _obey_fault(lathe: SimulatedLathe, line: str) -> dict[str, Any]:
@@ -122,7 +122,7 @@ def _obey_fault(lathe: SimulatedLathe, line: str) -> dict[str, Any]:
     return {"refused": said.removeprefix(REFUSED).rstrip()} if refused else {"said": said}
 
 
-_ANSWERS: Mapping[str, Callable[[SimulatedLathe, Mapping[str, Any], Pace], dict[str, Any] | None]] = {
+_ANSWERS: Mapping[str, Callable[[SimulatedLathe, Mapping[str, Any], SimulationPace], dict[str, Any] | None]] = {
     "mount": lambda lathe, request, _: lathe.mount(job_from_table(request["job"])),
     "look": lambda lathe, _, pace: {**asdict(lathe.look()), "held_s": pace.held_s},
     "measure": lambda lathe, _, __: _measure(lathe),
@@ -160,8 +160,8 @@ async def _say(writer: asyncio.StreamWriter, message: Mapping[str, Any]) -> None
     await writer.drain()
 
 
-async def _serve(lathe: SimulatedLathe, channel: socket.socket, pace: Pace) -> None:
-    ended = Ending()
+async def _serve(lathe: SimulatedLathe, channel: socket.socket, pace: SimulationPace) -> None:
+    ended = TerminationSignals()
     reader, writer = await asyncio.open_connection(sock=channel)
     host = PtyHost(lathe)
 

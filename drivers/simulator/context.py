@@ -12,7 +12,7 @@ from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.syntax import Expression
 from drivers.pmac.variables import SystemVariables
-from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.motor import Motor
 
@@ -30,7 +30,7 @@ class Context:
     and lines of data.
     """
 
-    controller: Controller
+    controller: SimulatedController
     motor_number: int = 1
     system_number: int = 1
     motor_bank: int = 0
@@ -69,17 +69,17 @@ class Context:
     @property
     def fills_buffer(self) -> bool:
         """Whether program text from this host goes into the open buffer."""
-        return self.filling is not Filling.NOWHERE
+        return self.filling is not FillTarget.NOWHERE
 
     @property
-    def filling(self) -> Filling:
+    def filling(self) -> FillTarget:
         """Where program text from this host goes."""
         opened = self.controller.open_buffer
         if opened is None or opened.owner is not self:
-            return Filling.NOWHERE
+            return FillTarget.NOWHERE
         if opened.kinematic is not None:
-            return Filling.KINEMATIC
-        return Filling.PROGRAM if opened.plc is None else Filling.PLC
+            return FillTarget.KINEMATIC
+        return FillTarget.PROGRAM if opened.plc is None else FillTarget.PLC
 
     def value(self, expression: Expression) -> float:
         """Return the value of an expression. Raises PmacError: 003, it has none."""
@@ -100,7 +100,7 @@ class Context:
 Step = Callable[[Context], None]  # a command that was read: it acts for its host
 
 
-class Filling(StrEnum):
+class FillTarget(StrEnum):
     """Where program text of a host goes while a line is read."""
 
     NOWHERE = auto()  # no buffer is open for it: commands act at once
@@ -110,20 +110,20 @@ class Filling(StrEnum):
 
 
 @dataclass(slots=True)
-class Reading:
+class LineContext:
     """What the reading of a line depends on: its text, as typed, the family, and where program text goes."""
 
     text: str
     dialect: Dialect
-    filling: Filling = Filling.NOWHERE
+    filling: FillTarget = FillTarget.NOWHERE
 
     @property
     def fills(self) -> bool:
         """Whether program text goes into a buffer."""
-        return self.filling is not Filling.NOWHERE
+        return self.filling is not FillTarget.NOWHERE
 
 
-Handler = Callable[[Scanner, Reading], Step]
+Handler = Callable[[Scanner, LineContext], Step]
 """Reads the arguments of a command. Nothing acts before the whole line has been read."""
 
 

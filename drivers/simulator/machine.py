@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers.errors import LinkError
-from drivers.placed import Placed
+from drivers.lathe_placement import LathePlacement
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.language.errors import PmacError
-from drivers.pmac.plcs.plc import Addressed
+from drivers.pmac.plcs.plc import DefaultAddress
 from drivers.pmac.settings import settings_with
-from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.card.motor import Motor
 from drivers.simulator.card.registers import CardMemory
 from drivers.simulator.card.saved_state import Flash
-from drivers.simulator.card.stretch import Loaded
+from drivers.simulator.card.stretch import LoadedAxis
 from drivers.simulator.card.watchdog import Background
 from drivers.simulator.commands.line import commands
 from drivers.simulator.commands.status import ACTIONS
@@ -42,7 +42,7 @@ from profiles.traces import Trace
 COMMANDS_PER_CYCLE = 16  # maximum program commands per background cycle, fewer when they are costly
 
 
-def speak(controller: Controller, ports: Sequence[Port]) -> None:
+def speak(controller: SimulatedController, ports: Sequence[Port]) -> None:
     """Execute the programs' requests since the last cycle: CMD, and messages to all hosts, SEND."""
     pending, messages = controller.host.pending_commands, controller.host.host_messages
     if not pending and not messages:
@@ -58,7 +58,9 @@ def speak(controller: Controller, ports: Sequence[Port]) -> None:
         _announce(replies.message(text, replies.wording(controller.variables)), ports)
 
 
-def _command(controller: Controller, text: str, port: str, addressed: Addressed) -> tuple[bytes, int]:
+def _command(
+    controller: SimulatedController, text: str, port: str, addressed: DefaultAddress
+) -> tuple[bytes, int]:
     """Execute a command as from a host; return the cost, and the output, data only for a named port."""
     motor, system = addressed.motor, addressed.system
     context = Context(controller, motor_number=motor, system_number=system, card_number=ALL_CARDS)
@@ -73,7 +75,7 @@ def _command(controller: Controller, text: str, port: str, addressed: Addressed)
     except PmacError as refusal:
         how = replies.wording(controller.variables)
         # With I6 = 2 only hosts get error messages.
-        return b"" if how.errors == 2 else replies.refused(refusal.code, how), context.work
+        return b"" if how.errors == 2 else replies.error_reply(refusal.code, how), context.work
     how = replies.wording(controller.variables)
     return b"".join(replies.message(line, how) for line in context.lines if port), context.work
 
@@ -111,7 +113,7 @@ class SimulatedLathe:
         variables = settings_with({"I4": 0, **machine.controller.variables}, dialect)
         self._drives = build_drives(machine, true, variables)
         self.tool, self.spindle, self.carriage = self._drives.tool, self._drives.spindle, self._drives.carriage
-        self.controller = Controller(
+        self.controller = SimulatedController(
             variables,
             self._drives.axes(),
             read_definitions(machine.controller.axis_definitions),
@@ -124,7 +126,7 @@ class SimulatedLathe:
         tool.scale = self.tool.scale
         if self._drives.load is not None:
             self._drives.load.watch(tool, spindle, carriage)
-            self.controller.stretch.loaded = Loaded(self._drives.load, tool, (spindle, carriage))
+            self.controller.stretch.loaded = LoadedAxis(self._drives.load, tool, (spindle, carriage))
         self._gains_revision = -1  # the saved gains may differ from the profile's
         self.controller.variables.memory = CardMemory(self.controller)
         self._ports: list[Port] = []
@@ -196,7 +198,7 @@ class SimulatedLathe:
         """Clamp a new blank for `job`."""
         self._floor.mount(job)
 
-    def take_over(self, placed: Placed) -> None:
+    def take_over(self, placed: LathePlacement) -> None:
         """Be as somebody left it: homed where the axes stand, with the blank of a job clamped.
 
         The lathe was made by the true parameters of `begun_at`.

@@ -149,7 +149,9 @@ def nyquist_hz(machine: MachineProfile) -> float:
     return 0.999 * 500 / machine.controller.servo_period_ms
 
 
-def _bisected(holds: Callable[[float], bool], low: float, high: float, halvings: int) -> tuple[float, float]:
+def _bisect_condition(
+    holds: Callable[[float], bool], low: float, high: float, halvings: int
+) -> tuple[float, float]:
     """Return where a condition that holds at `low` and not at `high` begins to fail: just below, just above."""
     for _ in range(halvings):
         middle = (low + high) / 2
@@ -174,7 +176,7 @@ def _of_voltage(machine: MachineProfile, amplitude_um: float, reserved_n: float)
     def bears(frequency_hz: float) -> bool:
         return drive_need(machine, amplitude_um, frequency_hz).voltage_v <= left_v
 
-    return {"voltage": _bisected(bears, 0.0, _MOST_HZ, 60)[0]}
+    return {"voltage": _bisect_condition(bears, 0.0, _MOST_HZ, 60)[0]}
 
 
 def _of_loop(machine: MachineProfile, amplitude_um: float) -> dict[str, float]:
@@ -199,4 +201,4 @@ def _highest_invertible_hz(machine: MachineProfile, response: ServoResponse) -> 
     high_hz = min(response.highest_hz, nyquist_hz(machine))
     if invertible(high_hz):
         return high_hz
-    return _bisected(invertible, max(response.lowest_hz, _LEAST_HZ), high_hz, 40)[0]
+    return _bisect_condition(invertible, max(response.lowest_hz, _LEAST_HZ), high_hz, 40)[0]

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 
 from profiles.arrays import Complexes, Floats, floats
 from profiles.least_squares import fit, harmonic_columns, harmonic_slice, phasors, student
-from profiles.problem import refused
+from profiles.problem import refusal_error
 
 MOST_SEGMENTS = 10  # maximum segments of a record; each has as many whole periods as that requires
 LEAST_SEGMENTS = 2  # one segment always has a coherence of 1
@@ -86,7 +86,7 @@ def fit_sine(time_s: ArrayLike, values: ArrayLike, frequency_hz: float) -> SineF
     time, samples = _columns(time_s, values)
     if len(time) < LEAST_SAMPLES:
         limit = f">= {LEAST_SAMPLES}"
-        raise refused("identification.too_short", value=f"{len(time)}", limit=limit)
+        raise refusal_error("identification.too_short", value=f"{len(time)}", limit=limit)
     angle = 2.0 * np.pi * frequency_hz * time
     middle = 0.5 * (time[0] + time[-1])
     found = fit(harmonic_columns(angle, (1,), time - middle), samples)
@@ -118,7 +118,7 @@ def frequency_response(
     y = np.array([fit.phasor for fit in responses])
     energy = float(np.sum(np.abs(r) ** 2))
     if math.sqrt(energy / len(r)) <= _rounding(given):
-        raise refused("identification.no_reference", value=f"{frequency_hz:g} Hz")
+        raise refusal_error("identification.no_reference", value=f"{frequency_hz:g} Hz")
     found = complex(np.sum(y * r.conj())) / energy
     gain_ci = max(_by_scatter(r, y, found, energy), _by_residuals(r, responses, energy))
     return FrequencyResponse(
@@ -149,7 +149,7 @@ def reference_swing(time_s: ArrayLike, reference: ArrayLike, frequency_hz: float
 def _columns(time_s: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
     time, samples = floats(time_s), floats(values)
     if not (np.isfinite(time).all() and np.isfinite(samples).all()):
-        raise refused("identification.not_finite")
+        raise refusal_error("identification.not_finite")
     return time, samples
 
 
@@ -157,7 +157,7 @@ def _segments(time: Floats, frequency_hz: float) -> list[slice]:
     """Return the segments of a record, each as near to whole periods as the samples allow."""
     if len(time) < LEAST_SEGMENTS * LEAST_SAMPLES:
         limit = f">= {LEAST_SEGMENTS * LEAST_SAMPLES}"
-        raise refused("identification.too_short", value=f"{len(time)}", limit=limit)
+        raise refusal_error("identification.too_short", value=f"{len(time)}", limit=limit)
     step_s = (time[-1] - time[0]) / (len(time) - 1)
     # The sample after the last one would end its period.
     periods = math.floor(len(time) * step_s * frequency_hz + 0.5 * step_s * frequency_hz)
@@ -169,7 +169,7 @@ def _segments(time: Floats, frequency_hz: float) -> list[slice]:
     if len(pieces) < LEAST_SEGMENTS or shortest < LEAST_SAMPLES or samples < LEAST_SAMPLES_A_PERIOD:
         value = f"{periods} periods of {samples:.3g} samples"
         limit = f">= {LEAST_SEGMENTS} periods of {LEAST_SAMPLES} samples"
-        raise refused("identification.too_short", value=value, limit=limit)
+        raise refusal_error("identification.too_short", value=value, limit=limit)
     return pieces
 
 

@@ -80,12 +80,12 @@ class Candidates:
     kd: Floats
 
     @classmethod
-    def of(cls, gains: PidGains) -> Candidates:
+    def from_gains(cls, gains: PidGains) -> Candidates:
         """Return one, alone; a filter of it is left out."""
         kp, ki, kd = gains.kp_v_per_m, gains.ki_v_per_m_s, gains.kd_v_s_per_m
         return cls(kp=floats([kp]), ki=floats([ki]), kd=floats([kd]))
 
-    def only(self, chosen: NDArray[np.bool_]) -> Candidates:
+    def select_candidates(self, chosen: NDArray[np.bool_]) -> Candidates:
         """Return those that are chosen."""
         return Candidates(kp=self.kp[chosen], ki=self.ki[chosen], kd=self.kd[chosen])
 
@@ -109,7 +109,7 @@ def all_candidates(loop: SampledLoop, every: int = 1) -> Candidates:
     return Candidates(kp=kp, ki=floats(kp * over_kp.ravel()), kd=kd)
 
 
-def opened(found: Candidates, plant: Complexes, hz: Floats, period_s: float) -> Complexes:
+def open_loop_responses(found: Candidates, plant: Complexes, hz: Floats, period_s: float) -> Complexes:
     """Return L, shape (n, points)."""
     slope = (1.0 - np.exp(-2j * np.pi * hz * period_s)) / period_s
     control = found.kp[:, None] + found.ki[:, None] / slope + found.kd[:, None] * slope
@@ -120,7 +120,7 @@ def sensitivity(
     found: Candidates, plant: Complexes, hz: Floats, period_s: float, sd: Floats | None = None
 ) -> Floats:
     """Return the largest 1 / |1 + L| of each, shape (n,), less 1.96 of the plant's relative `sd`."""
-    loops = opened(found, plant, hz, period_s)
+    loops = open_loop_responses(found, plant, hz, period_s)
     distance = np.abs(1.0 + loops)
     if sd is not None:
         distance = np.maximum(distance - 1.96 * sd * np.abs(loops), 1e-6)
@@ -132,13 +132,13 @@ def seem_stable(found: Candidates, plant: Complexes, hz: Floats, period_s: float
 
     A loop of a plant that integrates, with all else stable, is unstable where it does not. Points must be close.
     """
-    turned = np.unwrap(np.angle(1.0 + opened(found, plant, hz, period_s)), axis=1)
+    turned = np.unwrap(np.angle(1.0 + open_loop_responses(found, plant, hz, period_s)), axis=1)
     return np.asarray(turned[:, -1] - turned[:, 0] > _LEAST_TURN_RAD)
 
 
 def phase_margin_deg(found: Candidates, plant: Complexes, hz: Floats, period_s: float) -> Floats:
     """Return the phase margin of each where its gain last falls through 1, between the points of the grid."""
-    loops = opened(found, plant, hz, period_s)
+    loops = open_loop_responses(found, plant, hz, period_s)
     size, rows = np.log(np.abs(loops)), np.arange(loops.shape[0])
     last = np.minimum(hz.size - 2 - np.argmax(size[:, ::-1] > 0.0, axis=1) + 1, hz.size - 2)
     high, low = size[rows, last], size[rows, last + 1]
@@ -157,7 +157,7 @@ def yields(found: Candidates, plant: Complexes, loop: SampledLoop, hz: Floats, l
     orders = [n for n in LOBE_ORDERS if n * lobe_hz < loop.nyquist_hz]
     s = 2j * np.pi * hz
     free = np.abs(1.0 / (s * (s + loop.plant.damping_per_s)))
-    compliance = free / np.abs(1.0 + opened(found, plant, hz, loop.period_s))
+    compliance = free / np.abs(1.0 + open_loop_responses(found, plant, hz, loop.period_s))
     at_lobe = [compliance[:, np.argmin(np.abs(hz - n * lobe_hz))] / n for n in orders]
     return floats(np.sum(at_lobe, axis=0) + PEAK_FRACTION * compliance.max(axis=1))
 
@@ -248,12 +248,12 @@ def designed_gains(
     hz = search_hz(loop, lobe_hz, _POINTS)
     found = all_candidates(loop)
     for response, most in limited_plants(loop, fit, hz):
-        found = found.only(sensitivity(found, response, hz, loop.period_s) <= most)
+        found = found.select_candidates(sensitivity(found, response, hz, loop.period_s) <= most)
     response = loop.plant_response(hz)
-    found = found.only(phase_margin_deg(found, response, hz, loop.period_s) >= LEAST_PHASE_MARGIN_DEG)
+    found = found.select_candidates(phase_margin_deg(found, response, hz, loop.period_s) >= LEAST_PHASE_MARGIN_DEG)
     sure = fit.sd <= SURE_SD
     at_points = sensitivity(found, fit.measured[sure], fit.hz[sure], loop.period_s, fit.sd[sure])
-    found = found.only(at_points <= MOST_SENSITIVITY)
+    found = found.select_candidates(at_points <= MOST_SENSITIVITY)
     before = loop_margins(loop)
     ordered = (found.gains(place) for place in in_order(yields(found, response, loop, hz, lobe_hz), found.ki))
     for gains in islice((each for each in ordered if allowed(each)), _MOST_TRIED):
@@ -273,11 +273,11 @@ def limited_plants(loop: SampledLoop, fit: PlantFit, hz: Floats) -> tuple[tuple[
 
 def holds_everywhere(loop: SampledLoop, gains: PidGains, margins: LoopMargins, fit: PlantFit) -> bool:
     """Whether gains have the margins on the fitted plant, on its neighbours, and at every measured point."""
-    if not _within(margins, DESIGN_GAIN_MARGIN, DESIGN_SENSITIVITY):
+    if not _meets_margins(margins, DESIGN_GAIN_MARGIN, DESIGN_SENSITIVITY):
         return False
     if measured_sensitivity(loop, gains, fit) > MOST_SENSITIVITY:
         return False
-    return all(usual(replace(loop, plant=plant, gains=gains)) for plant in fit.others)
+    return all(is_usual_loop(replace(loop, plant=plant, gains=gains)) for plant in fit.others)
 
 
 def unseen_hz(loop: SampledLoop, gains: PidGains, fit: PlantFit) -> float | None:
@@ -287,7 +287,7 @@ def unseen_hz(loop: SampledLoop, gains: PidGains, fit: PlantFit) -> float | None
     """
     tuned = replace(loop, gains=gains, plant=replace(fit.plant, modes=()))
     hz = floats(np.geomspace(1.0, 0.999 * loop.nyquist_hz, 4 * _POINTS))
-    opened = tuned.opened(hz)
+    opened = tuned.open_loop(hz)
     above = np.abs(opened) < 1.0
     crossover_hz = float(hz[above].min()) if above.any() else float(hz[-1])
     ratio = hz[:, None] / fit.hz
@@ -302,12 +302,12 @@ def unseen_hz(loop: SampledLoop, gains: PidGains, fit: PlantFit) -> float | None
 def softer(loop: SampledLoop, gains: PidGains) -> bool:
     """Whether gains leave the loop no more gain than the present ones from half its crossover on."""
     hz = floats(np.geomspace(1.0, 0.999 * loop.nyquist_hz, _POINTS))
-    now, then = np.abs(loop.opened(hz)), np.abs(replace(loop, gains=gains).opened(hz))
+    now, then = np.abs(loop.open_loop(hz)), np.abs(replace(loop, gains=gains).open_loop(hz))
     crossover_hz = float(hz[now < 1.0].min()) if (now < 1.0).any() else float(hz[-1])
     return bool((then <= 1.001 * now)[hz >= 0.5 * crossover_hz].all())
 
 
-def usual(loop: SampledLoop) -> bool:
+def is_usual_loop(loop: SampledLoop) -> bool:
     """Whether a loop is stable and has a usual sensitivity peak."""
     return is_stable(loop) and sensitivity_peak(loop) <= MOST_SENSITIVITY
 
@@ -318,10 +318,10 @@ def measured_sensitivity(loop: SampledLoop, gains: PidGains, fit: PlantFit) -> f
     hz, measured = fit.hz[sure], fit.measured[sure]
     if gains.notch:
         measured = complexes(measured * gains.notch.at_hz(hz, loop.period_s))
-    return float(sensitivity(Candidates.of(gains), measured, hz, loop.period_s, fit.sd[sure])[0])
+    return float(sensitivity(Candidates.from_gains(gains), measured, hz, loop.period_s, fit.sd[sure])[0])
 
 
-def _within(margins: LoopMargins, gain: float, sensitivity: float) -> bool:
+def _meets_margins(margins: LoopMargins, gain: float, sensitivity: float) -> bool:
     phase, more, less = margins.phase_margin_deg, margins.gain_margin, margins.gain_reduction
     return (
         margins.stable

@@ -58,9 +58,9 @@ def loop_margins(loop: SampledLoop) -> LoopMargins:
     least = min(crossings, key=lambda each: abs(each[1]), default=None)
     factors = _gain_factors(loop, hz)
     more = min(((factor, f) for factor, f in factors if factor > 1.0), default=None)
-    sensitivity, sensitivity_hz = _maximum(hz, lambda f: 1.0 / np.abs(1.0 + loop.opened(f)))
-    peak, peak_hz = _maximum(hz, lambda f: np.abs(loop.closed(f)))
-    falls = _crossings(hz, lambda f: np.abs(loop.closed(f)) - math.sqrt(0.5))
+    sensitivity, sensitivity_hz = _maximum(hz, lambda f: 1.0 / np.abs(1.0 + loop.open_loop(f)))
+    peak, peak_hz = _maximum(hz, lambda f: np.abs(loop.closed_loop(f)))
+    falls = _crossings(hz, lambda f: np.abs(loop.closed_loop(f)) - math.sqrt(0.5))
     return LoopMargins(
         stable=is_stable(loop),
         crossover_hz=None if least is None else least[0],
@@ -80,7 +80,7 @@ def loop_margins(loop: SampledLoop) -> LoopMargins:
 def sensitivity_peak(loop: SampledLoop) -> float:
     """Return Ms alone."""
     hz = np.geomspace(_LOWEST_HZ, loop.nyquist_hz, _POINTS)
-    return _maximum(hz, lambda f: 1.0 / np.abs(1.0 + loop.opened(f)))[0]
+    return _maximum(hz, lambda f: 1.0 / np.abs(1.0 + loop.open_loop(f)))[0]
 
 
 def is_stable(loop: SampledLoop) -> bool:
@@ -96,8 +96,8 @@ def is_stable(loop: SampledLoop) -> bool:
 
 def _unity_crossings(loop: SampledLoop, hz: Floats) -> list[tuple[float, float]]:
     """Return where |L| = 1, with the phase margin there in rad, within half a turn."""
-    found = _crossings(hz, lambda f: np.abs(loop.opened(f)) - 1.0)
-    angles = np.angle(loop.opened(np.array(found)))
+    found = _crossings(hz, lambda f: np.abs(loop.open_loop(f)) - 1.0)
+    angles = np.angle(loop.open_loop(np.array(found)))
     return [
         (f, math.remainder(float(angle) - math.pi, 2.0 * math.pi)) for f, angle in zip(found, angles, strict=True)
     ]
@@ -111,11 +111,13 @@ def _delay_margin_ms(crossings: list[tuple[float, float]]) -> float | None:
 
 def _gain_factors(loop: SampledLoop, hz: Floats) -> list[tuple[float, float]]:
     """Return 1 / |L| and the frequency wherever L is real and negative, up to half the sampling rate."""
-    found = [f for f in _crossings(hz, lambda f: loop.opened(f).imag) if loop.opened(np.array([f]))[0].real < 0.0]
-    last = loop.opened(hz[-1:])[0]
+    found = [
+        f for f in _crossings(hz, lambda f: loop.open_loop(f).imag) if loop.open_loop(np.array([f]))[0].real < 0.0
+    ]
+    last = loop.open_loop(hz[-1:])[0]
     if last.real < 0.0 and abs(last.imag) <= _REAL * abs(last.real):  # there a sampled loop is real
         found.append(float(hz[-1]))
-    return [(1.0 / float(np.abs(loop.opened(np.array([f]))[0])), f) for f in found]
+    return [(1.0 / float(np.abs(loop.open_loop(np.array([f]))[0])), f) for f in found]
 
 
 def _crossings(hz: Floats, curve: Curve) -> list[float]:

@@ -4,7 +4,7 @@ N(z) / D(z) = (1 + n1/z + n2/z^2) / (1 + d1/z + d2/z^2)
 
 So the maker's User Manual computes the coefficients ("Manual Notch Specification"), and changes the proportional
 gain for what the filter does at rest, (1 + n1 + n2) / (1 + d1 + d2): nothing normalises it. No real controller was
-measured with it yet, so each filter can be read with other signs, too (`Reading`).
+measured with it yet, so each filter can be read with other signs, too (`SignConvention`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def is_coefficient(value: float) -> bool:
     return -MOST <= value < MOST
 
 
-class Reading(StrEnum):
+class SignConvention(StrEnum):
     """How a controller may read the signs of the coefficients: as stated, or other than that."""
 
     STATED = "stated"
@@ -38,7 +38,7 @@ class Reading(StrEnum):
     BOTH = "both"
 
 
-OTHER_READINGS = tuple(each for each in Reading if each is not Reading.STATED)
+OTHER_READINGS = tuple(each for each in SignConvention if each is not SignConvention.STATED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,12 +60,12 @@ class Notch:
         return self.n1, self.n2, self.d1, self.d2
 
     @property
-    def above(self) -> Floats:
+    def numerator(self) -> Floats:
         """The numerator in falling powers of z."""
         return floats([1.0, self.n1, self.n2])
 
     @property
-    def below(self) -> Floats:
+    def denominator(self) -> Floats:
         """The denominator in falling powers of z."""
         return floats([1.0, self.d1, self.d2])
 
@@ -81,24 +81,24 @@ class Notch:
         inside = abs(self.d2) < 1.0 and abs(self.d1) < 1.0 + self.d2
         return inside and LEAST_AT_REST <= self.at_rest < math.inf
 
-    def at(self, z: Complexes) -> Complexes:
+    def response_at(self, z: Complexes) -> Complexes:
         """Return the response."""
-        return complexes(np.polyval(self.above, z) / np.polyval(self.below, z))
+        return complexes(np.polyval(self.numerator, z) / np.polyval(self.denominator, z))
 
     def at_hz(self, hz: Floats, period_s: float) -> Complexes:
         """Return the response at frequencies, run once in each period."""
-        return self.at(complexes(np.exp(2j * np.pi * hz * period_s)))
+        return self.response_at(complexes(np.exp(2j * np.pi * hz * period_s)))
 
-    def read_as(self, reading: Reading) -> Notch:
+    def read_as(self, reading: SignConvention) -> Notch:
         """Return the filter that a controller makes of these coefficients by a reading."""
         found = self
-        if reading in (Reading.NUMERATOR, Reading.BOTH):
+        if reading in (SignConvention.NUMERATOR, SignConvention.BOTH):
             found = replace(found, n1=-self.n1, n2=-self.n2)
-        if reading in (Reading.DENOMINATOR, Reading.BOTH):
+        if reading in (SignConvention.DENOMINATOR, SignConvention.BOTH):
             found = replace(found, d1=-self.d1, d2=-self.d2)
         return found
 
-    def rounded(self) -> Notch:
+    def round_steps(self) -> Notch:
         """Return the filter in steps that a controller takes exactly."""
         n1, n2, d1, d2 = (round(each / RESOLUTION) * RESOLUTION for each in self.coefficients)
         return Notch(n1=n1, n2=n2, d1=d1, d2=d2)
@@ -122,4 +122,4 @@ def placed_notch(zero_hz: float, zero_ratio: float, pole_hz: float, pole_ratio: 
     """Return a filter by its zeros and its poles, rounded as a controller takes it."""
     n1, n2 = damped_pair(zero_hz, zero_ratio, period_s)
     d1, d2 = damped_pair(pole_hz, pole_ratio, period_s)
-    return Notch(n1=n1, n2=n2, d1=d1, d2=d2).rounded()
+    return Notch(n1=n1, n2=n2, d1=d1, d2=d2).round_steps()

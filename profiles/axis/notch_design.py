@@ -7,7 +7,8 @@ gains alone.
 
 How a controller reads the signs of the coefficients is known by its manual alone until a test with a filter has
 shown it. Until then the loop also has to be stable, with an Ms of at most 4 on the fitted plant, under each other
-reading (`profiles.axis.notch.Reading`), so that a wrong one is seen in numbers and not in a tool that oscillates.
+reading (`profiles.axis.notch.SignConvention`), so that a wrong one is seen in numbers and not in a tool that
+oscillates.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from profiles.axis.loop_design import (
     yields,
 )
 from profiles.axis.margins import LEAST_PHASE_MARGIN_DEG, is_stable, loop_margins, sensitivity_peak
-from profiles.axis.notch import OTHER_READINGS, Notch, Reading, placed_notch
+from profiles.axis.notch import OTHER_READINGS, Notch, SignConvention, placed_notch
 from profiles.axis.plant_fit import PlantFit
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop
 from profiles.axis.servo_gains import PidGains
@@ -142,11 +143,13 @@ def _best(search: _Search, notch: Notch, *, proven: bool) -> Iterator[tuple[floa
     found, filtered = search.candidates, notch.at_hz(hz, period_s) / notch.at_rest
     for place, (response, limit) in enumerate(search.plants):
         plant = complexes(filtered * response)
-        found = found.only(sensitivity(found, plant, hz, period_s) <= limit)
+        found = found.select_candidates(sensitivity(found, plant, hz, period_s) <= limit)
         if place == 0:  # most gains are already not worth the rest
-            found = found.only(yields(found, plant, search.loop, hz, search.lobe_hz) <= search.most_yield)
-            found = found.only(phase_margin_deg(found, plant, hz, period_s) >= LEAST_PHASE_MARGIN_DEG)
-            found = found.only(seem_stable(found, plant, hz, period_s))
+            found = found.select_candidates(
+                yields(found, plant, search.loop, hz, search.lobe_hz) <= search.most_yield
+            )
+            found = found.select_candidates(phase_margin_deg(found, plant, hz, period_s) >= LEAST_PHASE_MARGIN_DEG)
+            found = found.select_candidates(seem_stable(found, plant, hz, period_s))
         if not found.kp.size:
             return
     if not proven:
@@ -154,14 +157,14 @@ def _best(search: _Search, notch: Notch, *, proven: bool) -> Iterator[tuple[floa
     plant = complexes(filtered * search.plants[0][0])
     cost = yields(found, plant, search.loop, hz, search.lobe_hz)
     ordered = (
-        (place, replace(found.gains(place).scaled(1.0 / notch.at_rest), notch=notch))
+        (place, replace(found.gains(place).scale_gains(1.0 / notch.at_rest), notch=notch))
         for place in in_order(cost, found.ki)
     )
     for place, gains in islice((each for each in ordered if search.allowed(each[1])), _MOST_EACH):
         yield float(cost[place]), gains
 
 
-def fails_otherwise(loop: SampledLoop, gains: PidGains, plants: Sequence[AxisPlant]) -> Reading | None:
+def fails_otherwise(loop: SampledLoop, gains: PidGains, plants: Sequence[AxisPlant]) -> SignConvention | None:
     """Return a reading under which a loop has not even the reduced margin; None where each has.
 
     It is asked for on the first plant; on the others the loop has to be stable.
@@ -186,8 +189,8 @@ def _safe_otherwise(search: _Search, notch: Notch, found: Candidates) -> Candida
                 return found
             read = complexes(filtered * plant)
             if np.isfinite(limit):
-                found = found.only(sensitivity(found, read, hz, period_s) <= limit)
-            found = found.only(seem_stable(found, read, hz, period_s))
+                found = found.select_candidates(sensitivity(found, read, hz, period_s) <= limit)
+            found = found.select_candidates(seem_stable(found, read, hz, period_s))
     return found
 
 
@@ -195,4 +198,4 @@ def lobe_yield(loop: SampledLoop, lobe_hz: float) -> float:
     """Return how far a loop yields to a lobed cut, in the units of `yields`."""
     hz, gains = search_hz(loop, lobe_hz, 10 * _POINTS), loop.gains
     plant = complexes(loop.plant_response(hz) * gains.notch.at_hz(hz, loop.period_s))
-    return float(yields(Candidates.of(gains), plant, loop, hz, lobe_hz)[0])
+    return float(yields(Candidates.from_gains(gains), plant, loop, hz, lobe_hz)[0])

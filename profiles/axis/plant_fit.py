@@ -83,9 +83,9 @@ def fitted_plant(loop: SampledLoop, points: Sequence[LoopPoint]) -> PlantFit | N
         return None
     problem = _Problem(loop, hz, ordered)
     start = [math.log(loop.plant.acceleration_per_v), 0.8 * loop.plant.damping_per_s, 0.1, 0.1]
-    best = problem.solved(floats(start))
+    best = problem.solve_from(floats(start))
     problem.doubt_friction(best.values)
-    best = problem.solved(best.values)
+    best = problem.solve_from(best.values)
     if np.unique(hz).size >= MODE_POINTS:
         with_mode = _best_mode(problem, best)
         added = with_mode.values.size - best.values.size
@@ -94,11 +94,11 @@ def fitted_plant(loop: SampledLoop, points: Sequence[LoopPoint]) -> PlantFit | N
         likely = best.cost - with_mode.cost > MODE_GAIN and chance_of(ratio, added, freedom) < MODE_CHANCE
         if likely and problem.is_resonance(with_mode.values):
             best = with_mode
-    return problem.judged(best)
+    return problem.judge_fit(best)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Solution:
+class _PlantSolution:
     """Parameters ln a, b, delay in ms, friction over mass; of a mode its fraction, ln Hz and ln damping ratio."""
 
     values: Floats
@@ -147,22 +147,22 @@ class _Problem:
         effect = np.abs(self.model(values) / self.model(floats(without)) - 1.0)
         self._sd = floats(np.hypot(self._sd, FRICTION_DOUBT * effect))
 
-    def solved(self, start: Floats) -> _Solution:
+    def solve_from(self, start: Floats) -> _PlantSolution:
         """Return the best parameters near a start."""
         from scipy.optimize import least_squares
 
         low, high = _bounds(start.size, self.highest_hz)
         inside = np.clip(start, low + 1e-9, high - 1e-9)
-        found = least_squares(self._left, inside, bounds=(low, high), x_scale="jac", max_nfev=60)
+        found = least_squares(self._residuals, inside, bounds=(low, high), x_scale="jac", max_nfev=60)
         freedom = max(2 * self._hz.size - start.size, 1)
         spread = max(2.0 * float(found.cost) / freedom, 1.0)
-        return _Solution(
+        return _PlantSolution(
             values=floats(found.x),
             cost=2.0 * float(found.cost),
             covariance=floats(spread * np.linalg.pinv(found.jac.T @ found.jac)),
         )
 
-    def judged(self, found: _Solution) -> PlantFit:
+    def judge_fit(self, found: _PlantSolution) -> PlantFit:
         """Return the fit with its misfit and its neighbours."""
         misfit = np.abs(self._measured / self.model(found.values) - 1.0)
         allowed = np.maximum(MOST_MISFIT, 3.0 * self._sd)
@@ -184,7 +184,7 @@ class _Problem:
             allowed=float(allowed[place]),
         )
 
-    def _left(self, values: Floats) -> Floats:
+    def _residuals(self, values: Floats) -> Floats:
         off = (self.model(values) / self._measured - 1.0) / self._sd
         return np.concatenate([off.real, off.imag])
 
@@ -194,13 +194,13 @@ class _Problem:
         return float(self._hz.max())
 
 
-def _best_mode(problem: _Problem, rigid: _Solution) -> _Solution:
+def _best_mode(problem: _Problem, rigid: _PlantSolution) -> _PlantSolution:
     starts = [
         np.append(rigid.values, [fraction, math.log(share * problem.highest_hz), math.log(0.03)])
         for share in _STARTS
         for fraction in (0.1, -0.1)
     ]
-    return min((problem.solved(start) for start in starts), key=lambda each: each.cost)
+    return min((problem.solve_from(start) for start in starts), key=lambda each: each.cost)
 
 
 def _bounds(count: int, highest_hz: float) -> tuple[Floats, Floats]:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.servo import sampled_response
 from profiles.machine import MachineProfile
-from profiles.problem import refused
+from profiles.problem import refusal_error
 
 AMPLIFICATION_LIMIT = 8.0
 """The highest ratio of a command to the motion that it should produce.
@@ -37,7 +37,7 @@ _SAME_HZ = 1e-9
 _WITHIN = 17  # points at which the curves between two points are compared
 
 
-class Source(StrEnum):
+class ResponseSource(StrEnum):
     """The source of a response."""
 
     MODEL = "model"
@@ -53,7 +53,7 @@ class ServoResponse:
     valid for no other.
     """
 
-    source: Source
+    source: ResponseSource
     name: str
     lowest_hz: float
     highest_hz: float
@@ -61,33 +61,33 @@ class ServoResponse:
     spread: Callable[[float], float]
     amplitude_um: float | None = None
 
-    def at(self, frequency_hz: float) -> complex:
+    def response_at(self, frequency_hz: float) -> complex:
         """Return T_hat. Raises `ProfileError` (`response.outside_band`, `response.too_sparse`)."""
         self._refuse_outside(frequency_hz)
         return self.curve(frequency_hz)
 
     def relative_95(self, frequency_hz: float) -> float:
-        """Return r, the radius of the disc over |T_hat|. Raises as `at`."""
+        """Return r, the radius of the disc over |T_hat|. Raises as `response_at`."""
         self._refuse_outside(frequency_hz)
         return self.spread(frequency_hz)
 
     def invertible(self, frequency_hz: float) -> complex:
         """Return T_hat where it may be inverted.
 
-        Raises as `at`, and `response.amplified`, the command would be more than `AMPLIFICATION_LIMIT` times the
-        motion.
+        Raises as `response_at`, and `response.amplified`, the command would be more than `AMPLIFICATION_LIMIT`
+        times the motion.
         """
-        here = self.at(frequency_hz)
+        here = self.response_at(frequency_hz)
         if not abs(here) * AMPLIFICATION_LIMIT >= 1.0:
             value, limit = f"{1.0 / abs(here):.3g}" if here else "inf", f"<= {AMPLIFICATION_LIMIT:g}"
-            raise refused("response.amplified", where=f"{frequency_hz:.4g} Hz", value=value, limit=limit)
+            raise refusal_error("response.amplified", where=f"{frequency_hz:.4g} Hz", value=value, limit=limit)
         return here
 
     def _refuse_outside(self, frequency_hz: float) -> None:
         if self.lowest_hz * (1 - _SAME_HZ) <= frequency_hz <= self.highest_hz * (1 + _SAME_HZ):
             return
         limit = f"{self.lowest_hz:g} … {self.highest_hz:g} Hz"
-        raise refused("response.outside_band", where=self.name, value=f"{frequency_hz:.4g} Hz", limit=limit)
+        raise refusal_error("response.outside_band", where=self.name, value=f"{frequency_hz:.4g} Hz", limit=limit)
 
 
 def model_response(machine: MachineProfile, curve: Callable[[float], complex]) -> ServoResponse:
@@ -96,7 +96,7 @@ def model_response(machine: MachineProfile, curve: Callable[[float], complex]) -
     `curve` is the sampled loop with the delay of its path, which machine tolerances do not affect.
     """
     return ServoResponse(
-        source=Source.MODEL,
+        source=ResponseSource.MODEL,
         name=machine.name,
         lowest_hz=0.0,
         highest_hz=math.inf,
@@ -145,11 +145,11 @@ def identified_response(
     _refuse_points(table, name)
     points = _Points(table=table, name=name)
     return ServoResponse(
-        source=Source.IDENTIFIED,
+        source=ResponseSource.IDENTIFIED,
         name=name,
         lowest_hz=float(table[0, 0]),
         highest_hz=float(table[0, -1]),
-        curve=points.at,
+        curve=points.response_at,
         spread=points.spread,
         amplitude_um=amplitude_um,
     )
@@ -199,14 +199,14 @@ class _Points:
     table: Floats
     name: str
 
-    def at(self, frequency_hz: float) -> complex:
+    def response_at(self, frequency_hz: float) -> complex:
         """Return the response by the cubics."""
-        self._beside(frequency_hz)
+        self._neighbours(frequency_hz)
         return complex(self._cubics(floats(frequency_hz)))
 
     def spread(self, frequency_hz: float) -> float:
         """Return the radius over |T|."""
-        low, high = self._beside(frequency_hz)
+        low, high = self._neighbours(frequency_hz)
         hz, gain, _, gain_ci, phase_ci_deg = self.table
         of_phase = 2.0 * np.sin(np.radians(np.minimum(phase_ci_deg, 180.0)) / 2.0)
         radii = np.maximum(gain_ci / gain, of_phase)
@@ -229,7 +229,7 @@ class _Points:
     def _phase_rad(self) -> Floats:
         return np.unwrap(np.radians(self.table[2]))
 
-    def _beside(self, frequency_hz: float) -> tuple[int, int]:
+    def _neighbours(self, frequency_hz: float) -> tuple[int, int]:
         """Return the points below and above, the same one twice on a point."""
         hz = self.table[0]
         nearest = int(np.argmin(np.abs(hz - frequency_hz)))
@@ -238,7 +238,7 @@ class _Points:
         high = int(np.searchsorted(hz, frequency_hz))
         turn_deg = abs(math.degrees(self._phase_rad[high] - self._phase_rad[high - 1]))
         if turn_deg > MOST_TURN_DEG:
-            raise refused(
+            raise refusal_error(
                 "response.too_sparse",
                 where=self.name,
                 key=f"{hz[high - 1]:g} … {hz[high]:g} Hz",
@@ -264,4 +264,4 @@ def _refuse_points(table: Floats, name: str) -> None:
     elif (twice := hz[:-1][np.diff(hz) <= _SAME_HZ * hz[:-1]]).size:
         value = f"2 x {twice[0]:g} Hz"
     if value:
-        raise refused("response.bad_points", where=name, value=value)
+        raise refusal_error("response.bad_points", where=name, value=value)

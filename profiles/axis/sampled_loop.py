@@ -72,7 +72,7 @@ class SampledLoop:
     def plant_response(self, frequency_hz: ArrayLike) -> Complexes:
         """Return P / z with its extra delay, m/V."""
         z, hz = self._z(frequency_hz)
-        n1, n0, decay = self._held()
+        n1, n0, decay = self._held_plant()
         held = (n1 * z + n0) / ((z - 1.0) * (z - decay))
         for mode in self.plant.modes:
             above, below = self._held_mode(mode)
@@ -82,21 +82,21 @@ class SampledLoop:
     def feedback(self, frequency_hz: ArrayLike) -> Complexes:
         """Return B, V/m."""
         z, _ = self._z(frequency_hz)
-        return self._filtered(self._shared(z) + self.gains.kd_v_s_per_m * self._slope(z), z)
+        return self._filter_gain(self._shared_gain(z) + self.gains.kd_v_s_per_m * self._slope(z), z)
 
     def forward(self, frequency_hz: ArrayLike) -> Complexes:
         """Return F, V/m."""
         z, _ = self._z(frequency_hz)
         gains, slope = self.gains, self._slope(z)
         velocity = gains.velocity_feedforward_v_s_per_m * slope
-        ahead = self._shared(z) + velocity + gains.acceleration_feedforward_v_s2_per_m * slope**2
-        return self._filtered(ahead, z)
+        ahead = self._shared_gain(z) + velocity + gains.acceleration_feedforward_v_s2_per_m * slope**2
+        return self._filter_gain(ahead, z)
 
-    def opened(self, frequency_hz: ArrayLike) -> Complexes:
+    def open_loop(self, frequency_hz: ArrayLike) -> Complexes:
         """Return L, the loop opened at its output."""
         return complexes(self.plant_response(frequency_hz) * self.feedback(frequency_hz))
 
-    def closed(self, frequency_hz: ArrayLike) -> Complexes:
+    def closed_loop(self, frequency_hz: ArrayLike) -> Complexes:
         """Return the response from commanded to actual position."""
         plant = self.plant_response(frequency_hz)
         return complexes(plant * self.forward(frequency_hz) / (1.0 + plant * self.feedback(frequency_hz)))
@@ -115,10 +115,10 @@ class SampledLoop:
         gains, period_s = self.gains, self.period_s
         plant_above, plant_below = self.plant_polynomials()
         if gains.notch:
-            plant_above = floats(np.polymul(plant_above, gains.notch.above))
-            plant_below = floats(np.polymul(plant_below, gains.notch.below))
+            plant_above = floats(np.polymul(plant_above, gains.notch.numerator))
+            plant_below = floats(np.polymul(plant_below, gains.notch.denominator))
         if delayed and self.plant.delay_s:
-            late, spread = self._late()
+            late, spread = self._delay_polynomials()
             plant_above, plant_below = (
                 floats(np.polymul(plant_above, spread)),
                 floats(np.polymul(plant_below, late)),
@@ -144,7 +144,7 @@ class SampledLoop:
         padded = np.concatenate([np.zeros(len(denominator) - len(numerator)), numerator])
         return floats(padded), floats(denominator)
 
-    def _late(self) -> tuple[list[float], list[float]]:
+    def _delay_polynomials(self) -> tuple[list[float], list[float]]:
         """Return the extra delay as a denominator, powers of z, and a numerator of two samples."""
         whole, part = divmod(self.plant.delay_s / self.period_s, 1.0)
         return [1.0, *[0.0] * (int(whole) + 1)], [1.0 - part, part]
@@ -155,22 +155,22 @@ class SampledLoop:
         With the closed loop's denominator z (z^2 c D + N Bn) and the rigid part Nr / Dr of the plant it is
         Nr z^3 c (D / Dr) over that; the force is held for a period, and acts without the delay of the output.
         """
-        n1, n0, _ = self._held()
+        n1, n0, _ = self._held_plant()
         above = np.polymul([n1, n0], [1.0, 0.0, 0.0, 0.0])
         if self.gains.ki_v_per_m_s != 0.0:
             above = np.polymul(above, [1.0, -1.0])
         for mode in self.plant.modes:
             above = np.polymul(above, self._held_mode(mode)[1])
         if self.gains.notch:
-            above = np.polymul(above, self.gains.notch.below)
+            above = np.polymul(above, self.gains.notch.denominator)
         if self.plant.delay_s:
-            above = np.polymul(above, self._late()[0])
+            above = np.polymul(above, self._delay_polynomials()[0])
         _, below = self.closed_polynomials(delayed=True)
         return floats(np.concatenate([np.zeros(len(below) - len(above)), above])), below
 
     def plant_polynomials(self) -> tuple[Floats, Floats]:
         """Return numerator and denominator of the plant behind its hold, modes included."""
-        n1, n0, decay = self._held()
+        n1, n0, decay = self._held_plant()
         above, below = floats([n1, n0]), floats(np.polymul([1.0, -1.0], [1.0, -decay]))
         for mode in self.plant.modes:
             own_above, own_below = self._held_mode(mode)
@@ -188,7 +188,7 @@ class SampledLoop:
         above = [scale * (1.0 - fade * (math.cos(turn) + skew)), scale * fade * (fade + skew - math.cos(turn))]
         return floats(above), floats([1.0, -2.0 * fade * math.cos(turn), fade**2])
 
-    def scaled(self, factor: float) -> SampledLoop:
+    def scale_gain(self, factor: float) -> SampledLoop:
         """Return the loop with its gain multiplied."""
         plant = replace(self.plant, acceleration_per_v=factor * self.plant.acceleration_per_v)
         return replace(self, plant=plant)
@@ -197,17 +197,17 @@ class SampledLoop:
         hz = np.maximum(floats(frequency_hz), LOWEST_HZ)
         return complexes(np.exp(2j * np.pi * hz * self.period_s)), floats(hz)
 
-    def _filtered(self, gain: Complexes, z: Complexes) -> Complexes:
+    def _filter_gain(self, gain: Complexes, z: Complexes) -> Complexes:
         notch = self.gains.notch
-        return complexes(gain * notch.at(z) if notch else gain)
+        return complexes(gain * notch.response_at(z) if notch else gain)
 
     def _slope(self, z: Complexes) -> Complexes:
         return complexes((1.0 - 1.0 / z) / self.period_s)
 
-    def _shared(self, z: Complexes) -> Complexes:
+    def _shared_gain(self, z: Complexes) -> Complexes:
         return complexes(self.gains.kp_v_per_m + self.gains.ki_v_per_m_s / self._slope(z))
 
-    def _held(self) -> tuple[float, float, float]:
+    def _held_plant(self) -> tuple[float, float, float]:
         """Return n1, n0 and d of the plant behind its hold."""
         plant, period_s = self.plant, self.period_s
         x = plant.damping_per_s * period_s

@@ -102,7 +102,7 @@ def sampled_response(machine: MachineProfile, frequency_hz: ArrayLike, gains: Pi
     shared = gains.kp_v_per_m + gains.ki_v_per_m_s / slope
     plant = _held_plant(machine, z, period_s) / z
     if gains.notch:
-        plant = plant * gains.notch.at(z)
+        plant = plant * gains.notch.response_at(z)
     ahead = (
         shared
         + gains.velocity_feedforward_v_s_per_m * slope

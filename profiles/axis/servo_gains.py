@@ -42,7 +42,7 @@ class PidGains:
     acceleration_feedforward_v_s2_per_m: float = 0.0
     notch: Notch = NO_NOTCH
 
-    def scaled(self, factor: float) -> PidGains:
+    def scale_gains(self, factor: float) -> PidGains:
         """Return every gain times a factor, with the same filter."""
         return replace(
             self,
@@ -56,7 +56,7 @@ class PidGains:
     @property
     def at_rest(self) -> PidGains:
         """The gains behind the filter, as a slow motion meets them and as a profile states them."""
-        return self.scaled(self.notch.at_rest) if self.notch else self
+        return self.scale_gains(self.notch.at_rest) if self.notch else self
 
 
 def eq9_gains(machine: MachineProfile) -> PidGains:
@@ -79,7 +79,7 @@ def stated_notch(machine: MachineProfile) -> Notch:
 def meant_gains(machine: MachineProfile) -> PidGains:
     """Return the gains before the filter, and the filter, that the keys of the tool state."""
     gains, notch = eq9_gains(machine), stated_notch(machine)
-    return replace(gains.scaled(1.0 / notch.at_rest), notch=notch) if notch.steady and notch else gains
+    return replace(gains.scale_gains(1.0 / notch.at_rest), notch=notch) if notch.steady and notch else gains
 
 
 def is_filter(name: str) -> bool:

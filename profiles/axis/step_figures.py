@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from profiles.arrays import Floats, floats
-from profiles.axis.notch import Reading
+from profiles.axis.notch import SignConvention
 from profiles.axis.sampled_loop import SampledLoop
-from profiles.problem import refused
+from profiles.problem import refusal_error
 
 SETTLED_FRACTION = 0.05  # of the step; a tool that stays within it has settled
 RISE_FROM, RISE_TO = 0.1, 0.9
@@ -57,7 +57,7 @@ def step_figures(time_s: Floats, reference: Floats, position: Floats, *, least_u
     size = high - low
     part = (position - low) / size if size else np.zeros_like(position)
     if abs(size) <= least_um:
-        raise refused("health.no_step", value=f"{size:.3g} um")
+        raise refusal_error("health.no_step", value=f"{size:.3g} um")
     begins = int(np.argmax(np.abs(reference - low) > 0.001 * abs(size)))
     band = max(SETTLED_FRACTION, least_um / abs(size))
     outside = np.flatnonzero(np.abs(part - 1.0) > band)
@@ -79,7 +79,7 @@ def error_figures(reference: Floats, position: Floats) -> ErrorFigures:
     return ErrorFigures(peak_um=float(np.abs(left).max()), rms_um=math.sqrt(float(np.mean(left**2))))
 
 
-def modelled(loop: SampledLoop, reference: Floats) -> Floats:
+def model_step(loop: SampledLoop, reference: Floats) -> Floats:
     """Return the positions that a loop at rest at the first value makes of a reference, sample by sample."""
     from scipy.signal import lfilter
 
@@ -113,24 +113,24 @@ class GatheredStep:
     step_um: float
 
 
-def left_by(loop: SampledLoop, test: GatheredStep) -> Mapping[Reading, float]:
+def left_by(loop: SampledLoop, test: GatheredStep) -> Mapping[SignConvention, float]:
     """Return what each reading leaves of a step: rms over its size, with the force that leaves least."""
-    return {reading: _left(loop, test, reading) for reading in Reading}
+    return {reading: _step_residual(loop, test, reading) for reading in SignConvention}
 
 
-def reading_of(left: Mapping[Reading, float]) -> Reading | None:
+def reading_of(left: Mapping[SignConvention, float]) -> SignConvention | None:
     """Return the reading that a test shows; None where two are too much alike."""
     first, second = sorted(left, key=lambda each: left[each])[:2]
     return first if left[second] >= CLEARLY * max(left[first], LEAST_LEFT) else None
 
 
-def _left(loop: SampledLoop, test: GatheredStep, reading: Reading) -> float:
+def _step_residual(loop: SampledLoop, test: GatheredStep, reading: SignConvention) -> float:
     from scipy.signal import lfilter
 
     read = replace(loop, gains=replace(loop.gains, notch=loop.gains.notch.read_as(reading)))
     begin, end = _one_way(loop, test)
     with np.errstate(all="ignore"):
-        off = (test.position_um - modelled(read, test.reference_um))[begin:end]
+        off = (test.position_um - model_step(read, test.reference_um))[begin:end]
         pushed = lfilter(*read.force_polynomials(), np.ones(end - begin))
         size = float(pushed @ pushed)
         force = float(off @ pushed) / size if np.isfinite(size) and size else 0.0

@@ -56,7 +56,7 @@ def compliance_um_per_n(loop: SampledLoop, thrust_n_per_v: float, frequency_hz: 
     hz = floats(frequency_hz)
     s, plant = 2j * np.pi * hz, loop.plant
     free = plant.acceleration_per_v / thrust_n_per_v / (s * (s + plant.damping_per_s))
-    return floats(1e6 * np.abs(free / (1.0 + loop.opened(hz))))
+    return floats(1e6 * np.abs(free / (1.0 + loop.open_loop(hz))))
 
 
 def lobe_stiffness(loop: SampledLoop, thrust_n_per_v: float, lobe_hz: float) -> LobeStiffness:

@@ -32,7 +32,7 @@ from profiles.chucking.contact import Contact, deflection
 from profiles.chucking.holding import REFERENCE_FORCE_N
 from profiles.files import printable
 from profiles.least_squares import ROUNDING, cofactors, outliers, student
-from profiles.problem import ProfileError, refused
+from profiles.problem import ProfileError, refusal_error
 
 LEAST_JAWS = 3
 LEAST_SPARE = 3  # minimum measurements beyond the parameters: with fewer the confidence is a guess
@@ -82,7 +82,9 @@ class DeflectionFit:
     def deflections_um(self, columns: Mapping[str, Floats]) -> Floats:
         """Return the deflections that the fit has for measurements; columns as for `fit_deflection`, um."""
         model = _Model(columns, self.jaws, self.youngs_gpa, REFERENCE_FORCE_N)
-        return model.at(np.array([math.log(self.stiffness_n_per_um), self.alpha, math.log(self.jaw_length_mm)]))
+        return model.deflections_at(
+            np.array([math.log(self.stiffness_n_per_um), self.alpha, math.log(self.jaw_length_mm)])
+        )
 
     def anisotropy(
         self, *, chucking_force_n: float, load_n: float, overhang_mm: float, diameter_mm: float
@@ -94,8 +96,10 @@ class DeflectionFit:
         rows = {key: np.full_like(angle, value) for key, value in sizes.items()}
         model = _Model(rows | {"angle_deg": angle}, self.jaws, self.youngs_gpa, REFERENCE_FORCE_N)
         at = np.array([math.log(self.stiffness_n_per_um), self.alpha, math.log(self.jaw_length_mm)])
-        round_um = model.at(at)
-        slope = [np.ptp(model.at(at + h)) - np.ptp(model.at(at - h)) for h in _STEP * np.eye(3)]
+        round_um = model.deflections_at(at)
+        slope = [
+            np.ptp(model.deflections_at(at + h)) - np.ptp(model.deflections_at(at - h)) for h in _STEP * np.eye(3)
+        ]
         gradient = np.array(slope) / (2 * _STEP)
         variance = float(gradient @ np.reshape(self.covariance, (3, 3)) @ gradient)
         return Anisotropy(
@@ -124,20 +128,20 @@ def fit_deflection(
     mean_n = float(np.exp(np.log(columns["chucking_force_n"] / jaws).mean()))
     model = _Model(columns, jaws, youngs_gpa, mean_n)  # there k and alpha are least correlated
     start = _start(model, measured, (jaw_length_mm,) if jaw_length_mm is not None else _STARTS_MM)
-    same = _solved(model, measured, start, free, np.ones_like(measured))
-    sizes = model.at(same.at)
+    same = _solve_least_squares(model, measured, start, free, np.ones_like(measured))
+    sizes = model.deflections_at(same.at)
     try:
-        grown = _solved(model, measured, same.at, free, float(np.exp(np.log(sizes).mean())) / sizes)
+        grown = _solve_least_squares(model, measured, same.at, free, float(np.exp(np.log(sizes).mean())) / sizes)
     except ProfileError:  # one kind of scatter failing is no reason to refuse the other
         grown = same
     best, other = sorted((same, grown), key=lambda each: each.log_likelihood, reverse=True)
     freedom = measured.size - free
     to_reference = np.eye(3)
     to_reference[0, 1] = math.log(REFERENCE_FORCE_N / mean_n)
-    best, other = best.turned(to_reference), other.turned(to_reference)
+    best, other = best.change_parameters(to_reference), other.change_parameters(to_reference)
     at, covariance, sd = best.at, best.covariance, best.sd_um
     if other.log_likelihood > best.log_likelihood - _AS_LIKELY:
-        covariance = covariance * best.widened(other, student(freedom)) ** 2
+        covariance = covariance * best.widening_to(other, student(freedom)) ** 2
     half = student(freedom) * np.sqrt(np.diag(covariance))
     exact = sd <= ROUNDING * float(measured.max())
     return DeflectionFit(
@@ -158,7 +162,7 @@ def fit_deflection(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Solution:
+class _DeflectionSolution:
     """Parameters (ln k, alpha, ln l) with their covariance; `jacobian` and `left` are weighted.
 
     `sd_um` is the scatter where the weight is 1.
@@ -171,11 +175,11 @@ class _Solution:
     left: Floats
     log_likelihood: float
 
-    def turned(self, by: Floats) -> _Solution:
+    def change_parameters(self, by: Floats) -> _DeflectionSolution:
         """Return it in other parameters, `by` (3, 3) times these."""
         return replace(self, at=by @ self.at, covariance=by @ self.covariance @ by.T)
 
-    def widened(self, other: _Solution, reach: float) -> float:
+    def widening_to(self, other: _DeflectionSolution, reach: float) -> float:
         """Return the factor by which half-widths grow to include another solution."""
         own, its = (reach * np.sqrt(np.diag(each.covariance)) for each in (self, other))
         fitted = own > 0.0
@@ -229,7 +233,7 @@ class _Model:
         self._reference_n = reference_n
         self.bending_um = bending_um(rows["load_n"], rows["overhang_mm"], rows["diameter_mm"], youngs_gpa)
 
-    def at(self, parameters: Floats) -> Floats:
+    def deflections_at(self, parameters: Floats) -> Floats:
         """Return the deflections, um."""
         log_k, alpha, log_l = (float(each) for each in parameters)
         found = contact_um(
@@ -247,21 +251,21 @@ class _Model:
 
 def _refuse_unfit(columns: Mapping[str, Floats], jaws: int, youngs_gpa: float, free: int) -> None:
     if jaws < LEAST_JAWS:
-        raise refused("calibration.jaws", value=str(jaws), limit=f">= {LEAST_JAWS}")
+        raise refusal_error("calibration.jaws", value=str(jaws), limit=f">= {LEAST_JAWS}")
     positive = {key: column for key, column in columns.items() if key not in ("angle_deg", "overhang_mm")}
     for key, column in {**positive, "youngs_modulus_gpa": np.array([youngs_gpa])}.items():
         worst = column[~((column > 0) & np.isfinite(column))]
         if worst.size:
-            raise refused("calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
+            raise refusal_error("calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
     points = columns["deflection_um"].size
     if points < free + LEAST_SPARE:
         limit = f">= {free + LEAST_SPARE}"
-        raise refused("calibration.few_points", value=str(points), limit=limit)
+        raise refusal_error("calibration.few_points", value=str(points), limit=limit)
     loads_n, forces_n = columns["load_n"], columns["chucking_force_n"]
     at = int(np.argmax(loads_n / forces_n))
     if loads_n[at] > forces_n[at]:
         value, limit = f"{loads_n[at]:g} N", f"{forces_n[at]:g} N"
-        raise refused("calibration.load_over_force", key="load_n", value=value, limit=limit)
+        raise refusal_error("calibration.load_over_force", key="load_n", value=value, limit=limit)
 
 
 def _start(model: _Model, measured: Floats, lengths_mm: tuple[float, ...]) -> Floats:
@@ -269,40 +273,42 @@ def _start(model: _Model, measured: Floats, lengths_mm: tuple[float, ...]) -> Fl
     target = measured - model.bending_um
     if target.mean() <= 0:
         value, limit = f"{model.bending_um.mean():.4g} um", f"< {measured.mean():.4g} um"
-        raise refused("calibration.bending", value=value, limit=limit)
+        raise refusal_error("calibration.bending", value=value, limit=limit)
     found: list[tuple[float, Floats]] = []
     for length_mm in lengths_mm:
         at = np.array([0.0, _START_ALPHA, math.log(length_mm)])
-        soft = model.at(at) - model.bending_um
+        soft = model.deflections_at(at) - model.bending_um
         k = float(soft @ soft) / max(float(soft @ target), ROUNDING)
         at[0] = math.log(k)
         found.append((float(np.sum((target - soft / k) ** 2)), at))
     return min(found, key=lambda pair: pair[0])[1]
 
 
-def _solved(model: _Model, measured: Floats, start: Floats, free: int, root_weight: Floats) -> _Solution:
+def _solve_least_squares(
+    model: _Model, measured: Floats, start: Floats, free: int, root_weight: Floats
+) -> _DeflectionSolution:
     """Return the weighted least squares of the free parameters; `root_weight` has shape (M,)."""
     from scipy.optimize import least_squares
 
     def left(parameters: Floats) -> Floats:
-        return root_weight * (model.at(np.concatenate([parameters, start[free:]])) - measured)
+        return root_weight * (model.deflections_at(np.concatenate([parameters, start[free:]])) - measured)
 
     low, high = [-20.0, LEAST_ALPHA, -5.0][:free], [20.0, MOST_ALPHA, 10.0][:free]
     done = least_squares(
         left, start[:free], jac="3-point", bounds=(low, high), x_scale="jac", xtol=1e-12, ftol=1e-12
     )
     if not done.success:
-        raise refused("calibration.no_fit", value=printable(str(done.message)))
+        raise refusal_error("calibration.no_fit", value=printable(str(done.message)))
     jacobian = floats(done.jac)
     _refuse_dependent(jacobian)
     if not LEAST_ALPHA + _STEP < done.x[1] < MOST_ALPHA - _STEP:
         value, limit = f"{done.x[1]:.3g}", f"> {LEAST_ALPHA:g}, < {MOST_ALPHA:g}"
-        raise refused("calibration.no_alpha", key="alpha", value=value, limit=limit)
+        raise refusal_error("calibration.no_alpha", key="alpha", value=value, limit=limit)
     variance = float(done.fun @ done.fun) / (measured.size - free)
     covariance = np.zeros((3, 3))
     covariance[:free, :free] = variance * cofactors(jacobian)
     scatter = measured.size * math.log(variance) if variance > 0.0 else -math.inf
-    return _Solution(
+    return _DeflectionSolution(
         at=np.concatenate([done.x, start[free:]]),
         covariance=covariance,
         sd_um=math.sqrt(variance),
@@ -319,6 +325,6 @@ def _refuse_dependent(jacobian: Floats) -> None:
         weakest = np.abs(directions[-1])
         varied = _VARIED_BY[1 + int(np.argmax(weakest[1:]))]  # k itself never needs to be varied
         condition = values[0] / values[-1] if values[-1] else math.inf
-        raise refused(
+        raise refusal_error(
             "calibration.dependent", key=varied, value=f"{condition:.3g}", limit=f"<= {_WORST_CONDITION:g}"
         )

@@ -32,7 +32,7 @@ _LENGTH = {"mm <> um": 1000.0, "in <> mm": 25.4, "mil <> um": 25.4, "R <> D": 2.
 _MODULUS = {"psi <> Pa": 6.895, "kgf/mm2 <> GPa": 101.97}
 
 
-class Quantity(NamedTuple):
+class CalibratedQuantity(NamedTuple):
     """A calibrated quantity: its unit, what is usual where nothing was known before, and its unit mistakes."""
 
     unit: str
@@ -41,20 +41,20 @@ class Quantity(NamedTuple):
     mistakes: Mapping[str, float]
 
 
-QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
+QUANTITIES: Mapping[str, CalibratedQuantity] = MappingProxyType(
     {
         # Scroll chucks of 80 to 630 mm give 400 to 800 N/(N m) by their makers, dry and worn ones a quarter of it.
-        "force_per_torque_n_per_n_m": Quantity("N/(N m)", 100.0, 1500.0, _FORCE | _TORQUE),
-        "jaw_stiffness_n_per_um": Quantity("N/um", 15.0, 200.0, _FORCE | _LENGTH),
-        "jaw_length_mm": Quantity("mm", 10.0, 160.0, _LENGTH),
-        "lobe_error_um_pp": Quantity("um p-p", 0.25, 1000.0, _LENGTH),  # as `trace_files.plausible`
-        "youngs_modulus_gpa": Quantity("GPa", 40.0, 650.0, _MODULUS),  # magnesium to cemented carbide
+        "force_per_torque_n_per_n_m": CalibratedQuantity("N/(N m)", 100.0, 1500.0, _FORCE | _TORQUE),
+        "jaw_stiffness_n_per_um": CalibratedQuantity("N/um", 15.0, 200.0, _FORCE | _LENGTH),
+        "jaw_length_mm": CalibratedQuantity("mm", 10.0, 160.0, _LENGTH),
+        "lobe_error_um_pp": CalibratedQuantity("um p-p", 0.25, 1000.0, _LENGTH),  # as `trace_files.plausible`
+        "youngs_modulus_gpa": CalibratedQuantity("GPa", 40.0, 650.0, _MODULUS),  # magnesium to cemented carbide
     }
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class ImplausibleStep:
     """A value too far from one `before`; where nothing was `known`, from the nearer end of what is usual."""
 
     key: str
@@ -88,21 +88,21 @@ class Step:
         return Problem(code=code, where=where, key=self.key, value=f"{self.value:.4g} {unit}", limit=limit)
 
 
-def step_of(key: str, value: float, known: Iterable[float]) -> Step | None:
+def step_of(key: str, value: float, known: Iterable[float]) -> ImplausibleStep | None:
     """Return the largest step of a value from those known before, without any from what is usual; None: small."""
-    steps = [Step(key=key, value=value, before=each) for each in known if each > 0]
+    steps = [ImplausibleStep(key=key, value=value, before=each) for each in known if each > 0]
     if steps:
         return worst_step(each for each in steps if each.size > math.log(MOST_STEP))
     nearest = min(max(value, QUANTITIES[key].least), QUANTITIES[key].most)
-    return None if nearest == value else Step(key=key, value=value, before=nearest, known=False)
+    return None if nearest == value else ImplausibleStep(key=key, value=value, before=nearest, known=False)
 
 
-def worst_step(steps: Iterable[Step | None]) -> Step | None:
+def worst_step(steps: Iterable[ImplausibleStep | None]) -> ImplausibleStep | None:
     """Return the largest of some steps; None where there is none."""
     return max((each for each in steps if each is not None), key=attrgetter("size"), default=None)
 
 
-def refuse_untyped(step: Step | None, typed: float | None, where: str = "") -> None:
+def refuse_untyped(step: ImplausibleStep | None, typed: float | None, where: str = "") -> None:
     """Refuse (`calibration.step`) a large step of which neither value nor ratio was typed out."""
     if step is not None and not step.is_typed(typed):
         raise ProfileError(step.problem(where=where))

@@ -85,14 +85,14 @@ def read_table(path: Path, kind: CalibrationKind | None = None) -> MeasuredTable
 def parse_table(content: bytes, kind: CalibrationKind | None = None, *, where: str = "") -> MeasuredTable:
     """Parse the measurements in the bytes of a file; `where` names it in the problems."""
     text = text_of(content, where, "calibration.not_text")
-    reader = _Reader(where, tuple(CalibrationKind) if kind is None else (kind,), text)
+    reader = _CalibrationTableReader(where, tuple(CalibrationKind) if kind is None else (kind,), text)
     for number, line in enumerate(text.split("\n"), start=1):
         stripped = line.strip(" \r")
         if stripped.strip(";,\t"):
             reader.take(number, stripped)
         if reader.full or len(reader.problems) >= _PROBLEM_CAP:
             break
-    return reader.finished(hashlib.sha256(content).hexdigest())
+    return reader.to_table(hashlib.sha256(content).hexdigest())
 
 
 def column_name(header: str) -> str:
@@ -101,7 +101,7 @@ def column_name(header: str) -> str:
     return re.sub(r"_nm$", "_n_m", re.sub(r"[^a-z0-9]+", "_", plain).strip("_"))
 
 
-class _Reader:
+class _CalibrationTableReader:
     def __init__(self, where: str, kinds: tuple[CalibrationKind, ...], text: str) -> None:
         self.problems: list[Problem] = []
         self.full = False
@@ -126,7 +126,7 @@ class _Reader:
         elif self._kind is not None:
             self._take_row(number, line, self._kind)
 
-    def finished(self, sha256: str) -> MeasuredTable:
+    def to_table(self, sha256: str) -> MeasuredTable:
         if not self._names and not self.problems:
             self.problems.append(Problem(code="calibration.empty", where=self._where, limit=self._target()))
         if self.problems or self._kind is None:

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats, floats
 from profiles.least_squares import CONFIDENCE, ROUNDING, chance_of, fit, outliers, student
-from profiles.problem import ProfileError, refused
+from profiles.problem import ProfileError, refusal_error
 
 LEAST_SPARE = 3  # minimum clampings beyond the parameters: with fewer the confidence is a guess
 LEAST_SPREAD = 1.5  # minimum ratio of largest to smallest torque: a line needs a range
@@ -50,7 +50,7 @@ class Cofactors(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Band:
+class ConfidenceInterval:
     """A value with its 95 % limits."""
 
     value: float
@@ -98,13 +98,13 @@ class WrenchFit:
     @property
     def force_sd_percent(self) -> float:
         """The scatter of one clamping relative to the force in the middle of the measured range, %."""
-        return 100.0 * self.sd_n / self._lines[0].at(self.middle_n_m)
+        return 100.0 * self.sd_n / self._lines[0].force_at(self.middle_n_m)
 
-    def line_n(self, torque_n_m: float) -> Band:
+    def line_n(self, torque_n_m: float) -> ConfidenceInterval:
         """Return the mean force of many clampings at a torque: the uncertainty of the line alone."""
         return self._band(torque_n_m, one=False)
 
-    def force_n(self, torque_n_m: float) -> Band:
+    def force_n(self, torque_n_m: float) -> ConfidenceInterval:
         """Return the total chucking force of one clamping at a torque.
 
         Raises `ProfileError`: `calibration.outside`, a torque at which nothing was measured.
@@ -112,7 +112,7 @@ class WrenchFit:
         self._refuse_outside(torque_n_m, "torque_n_m")
         return self._band(torque_n_m, one=True)
 
-    def torque_n_m(self, force_n: float) -> Band:
+    def torque_n_m(self, force_n: float) -> ConfidenceInterval:
         """Return the torque for a total chucking force, and the limits of the torques that may give it.
 
         Raises `ProfileError`: `calibration.outside`; `calibration.no_slope`, the scatter leaves no limits.
@@ -123,28 +123,34 @@ class WrenchFit:
         limits = [each for each in found if each is not None]
         if len(limits) < len(found):
             raise _no_slope(self.slope_n_per_n_m, self.slope_ci)
-        return Band(value=value, low=min(low for low, _ in limits), high=max(high for _, high in limits))
+        return ConfidenceInterval(
+            value=value, low=min(low for low, _ in limits), high=max(high for _, high in limits)
+        )
 
-    def _band(self, torque_n_m: float, *, one: bool) -> Band:
+    def _band(self, torque_n_m: float, *, one: bool) -> ConfidenceInterval:
         """Return the force with the widest limits of all lines: of `one` new clamping, or of the line itself."""
-        found = [(line.at(torque_n_m), line.reach_n(torque_n_m, self.freedom, one=one)) for line in self._lines]
+        found = [
+            (line.force_at(torque_n_m), line.reach_n(torque_n_m, self.freedom, one=one)) for line in self._lines
+        ]
         low, high = min(at - reach for at, reach in found), max(at + reach for at, reach in found)
-        return Band(value=found[0][0], low=low, high=high)
+        return ConfidenceInterval(value=found[0][0], low=low, high=high)
 
     @property
-    def _lines(self) -> list[_Line]:
+    def _lines(self) -> list[_WeightedLine]:
         best = (self.growing, self.intercept_n, self.slope_n_per_n_m, self.sd_n, *self.covariance)
-        return [_Line(*each[:4], Cofactors(*each[4:]), self.middle_n_m) for each in (best, *self.as_likely)]
+        return [
+            _WeightedLine(*each[:4], Cofactors(*each[4:]), self.middle_n_m) for each in (best, *self.as_likely)
+        ]
 
     def _refuse_outside(self, torque_n_m: float, key: str) -> None:
         slack = ROUNDING * self.highest_n_m
         if not self.lowest_n_m - slack <= torque_n_m <= self.highest_n_m + slack:
             value, limit = f"{torque_n_m:g} N m", f"{self.lowest_n_m:g} … {self.highest_n_m:g} N m"
-            raise refused("calibration.outside", key=key, value=value, limit=limit)
+            raise refusal_error("calibration.outside", key=key, value=value, limit=limit)
 
 
 @dataclass(frozen=True, slots=True)
-class _Line:
+class _WeightedLine:
     """The line for one fraction w: sd^2 (1 - w + w (Tq / middle)^2) is the variance of one clamping."""
 
     growing: float
@@ -155,7 +161,7 @@ class _Line:
     middle_n_m: float
     log_likelihood: float = 0.0
 
-    def at(self, torque_n_m: float) -> float:
+    def force_at(self, torque_n_m: float) -> float:
         return self.intercept_n + self.slope * torque_n_m
 
     def reach_n(self, torque_n_m: float, freedom: int, *, one: bool = False) -> float:
@@ -166,12 +172,12 @@ class _Line:
             variance_ratio += 1.0 - self.growing + self.growing * (torque_n_m / self.middle_n_m) ** 2
         return student(freedom) * self.sd_n * math.sqrt(variance_ratio)
 
-    def slope_half(self, best: _Line, freedom: int) -> float:
+    def slope_half(self, best: _WeightedLine, freedom: int) -> float:
         """Return the half-width of the slope, relative to the best line."""
         own = student(freedom) * self.sd_n * math.sqrt(self.cofactors.slope)
         return abs(self.slope - best.slope) + own
 
-    def intercept_half_n(self, best: _Line, freedom: int) -> float:
+    def intercept_half_n(self, best: _WeightedLine, freedom: int) -> float:
         """Return the half-width of the intercept, relative to the best line."""
         own_n = student(freedom) * self.sd_n * math.sqrt(self.cofactors.intercept)
         return abs(self.intercept_n - best.intercept_n) + own_n
@@ -225,7 +231,7 @@ def fit_wrench(torque_n_m: ArrayLike, force_n: ArrayLike, *, affine: bool = Fals
     )
 
 
-def _likely_lines(design: Floats, torque: Floats, force: Floats) -> list[_Line]:
+def _likely_lines(design: Floats, torque: Floats, force: Floats) -> list[_WeightedLine]:
     """Return the likeliest line, then those at both ends of the fractions that are about as likely."""
     lines = [_line(design, torque, force, float(growing)) for growing in _GROWING]
     best = max(lines, key=lambda line: line.log_likelihood)
@@ -236,7 +242,7 @@ def _likely_lines(design: Floats, torque: Floats, force: Floats) -> list[_Line]:
     return [best, *(line for line in ends if line is not best)]
 
 
-def _line(design: Floats, torque: Floats, force: Floats, growing: float) -> _Line:
+def _line(design: Floats, torque: Floats, force: Floats, growing: float) -> _WeightedLine:
     """Return the weighted least squares for one fraction, with its restricted likelihood."""
     variances = _variances(torque, growing)
     found = fit(design, force, 1.0 / np.sqrt(variances))
@@ -247,7 +253,7 @@ def _line(design: Floats, torque: Floats, force: Floats, growing: float) -> _Lin
     information = float(np.log(variances).sum() - np.linalg.slogdet(found.cofactors)[1])
     likelihood = -0.5 * (scatter + information)
     first = intercept[0] if intercept else 0.0
-    return _Line(growing, first, slope, found.residual_sd, Cofactors(*own), _middle(torque), likelihood)
+    return _WeightedLine(growing, first, slope, found.residual_sd, Cofactors(*own), _middle(torque), likelihood)
 
 
 def _variances(torque: Floats, growing: float) -> Floats:
@@ -262,19 +268,19 @@ def _middle(torque: Floats) -> float:
 def _refuse_unfit(torque: Floats, force: Floats, parameters: int) -> None:
     if torque.ndim != 1 or torque.shape != force.shape or torque.size < parameters + LEAST_SPARE:
         limit = f">= {parameters + LEAST_SPARE}"
-        raise refused("calibration.few_points", value=str(torque.size), limit=limit)
+        raise refusal_error("calibration.few_points", value=str(torque.size), limit=limit)
     for key, column in (("torque_n_m", torque), ("force_n", force)):
         worst = column[~((column > 0) & np.isfinite(column))]
         if worst.size:
-            raise refused("calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
+            raise refusal_error("calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
     if torque.max() < LEAST_SPREAD * torque.min():
         value, limit = f"{torque.min():g} … {torque.max():g} N m", f"1 : {LEAST_SPREAD:g}"
-        raise refused("calibration.alike", key="torque_n_m", value=value, limit=limit)
+        raise refusal_error("calibration.alike", key="torque_n_m", value=value, limit=limit)
 
 
 def _no_slope(slope: float, ci: float) -> ProfileError:
     value = f"{slope:.4g} ± {ci:.4g} N/(N m)"
-    return refused("calibration.no_slope", key="slope_n_per_n_m", value=value, limit="> 0 N/(N m)")
+    return refusal_error("calibration.no_slope", key="slope_n_per_n_m", value=value, limit="> 0 N/(N m)")
 
 
 def _lack_of_fit(torque: Floats, force: Floats, root: Floats, left: Floats, freedom: int) -> float | None:

@@ -34,7 +34,7 @@ from profiles.materials import material_or_none
 MOST_DIGITS = 6  # of a newton, behind the point
 
 
-class Stands(StrEnum):
+class ForcePosition(StrEnum):
     """The position of a force relative to the permitted span; `NONE`: no force is permitted."""
 
     INSIDE = "inside"
@@ -75,11 +75,17 @@ class ForceSpan:
                 return f"{least:.{digits}f}", f"{most:.{digits}f}"
         return f"{self.least_n:g}", f"{self.most_n:g}"
 
-    def stands(self, force_n: float) -> Stands:
+    def stands(self, force_n: float) -> ForcePosition:
         """Return the position of a force; both ends belong to the span."""
         if self.empty:
-            return Stands.NONE
-        return Stands.BELOW if force_n < self.least_n else Stands.ABOVE if force_n > self.most_n else Stands.INSIDE
+            return ForcePosition.NONE
+        return (
+            ForcePosition.BELOW
+            if force_n < self.least_n
+            else ForcePosition.ABOVE
+            if force_n > self.most_n
+            else ForcePosition.INSIDE
+        )
 
 
 def force_span(job: Job, machine: MachineProfile) -> ForceSpan:

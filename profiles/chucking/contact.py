@@ -51,7 +51,7 @@ class Contact:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Deflection:
+class BarDeflection:
     """The deflection of the bar along the load and across it; `lifted` where a jaw loses contact."""
 
     along_um: Floats
@@ -64,7 +64,7 @@ def stiffness_at(reference_n_per_um: float, reference_n: float, force_n: float, 
     return float(reference_n_per_um * (force_n / reference_n) ** alpha)
 
 
-def deflection(contact: Contact, load_n: ArrayLike, angle_from_jaw_deg: ArrayLike) -> Deflection:
+def deflection(contact: Contact, load_n: ArrayLike, angle_from_jaw_deg: ArrayLike) -> BarDeflection:
     """Solve for the equilibrium of all jaws under loads pushed at angles; the two shapes are broadcast.
 
     The sum over the jaws of F_c (1 + u n_i / x0)_+^m n_i, and of the tangential springs, balances the load. A
@@ -76,7 +76,7 @@ def deflection(contact: Contact, load_n: ArrayLike, angle_from_jaw_deg: ArrayLik
     along = contact.approach_um * np.sum(moved * way, axis=1)
     across = contact.approach_um * (way[:, 0] * moved[:, 1] - way[:, 1] * moved[:, 0])
     lifted = np.any(contacts <= 0, axis=1)
-    return Deflection(
+    return BarDeflection(
         along_um=along.reshape(loads.shape),
         across_um=across.reshape(loads.shape),
         lifted=lifted.reshape(loads.shape),
@@ -122,7 +122,7 @@ def _downhill_fraction(energy: Callable[[Floats], Floats], moved: Floats, step: 
 
 def overhung_deflection(
     contact: Contact, lever: float, load_n: ArrayLike, angle_from_jaw_deg: ArrayLike
-) -> Deflection:
+) -> BarDeflection:
     """Return the deflection of a stiff bar at a load in front of jaws; `lever` is a/l, overhang over jaw length.
 
     The front edge of the jaws carries P (1 + a/l), the rear edge -P a/l, each with half of every jaw's stiffness
@@ -135,7 +135,7 @@ def overhung_deflection(
     load = floats(load_n)
     front = deflection(edge, load * (1 + lever), angle_from_jaw_deg)
     rear = deflection(edge, -load * lever, angle_from_jaw_deg)
-    return Deflection(
+    return BarDeflection(
         along_um=front.along_um + (front.along_um - rear.along_um) * lever,
         across_um=front.across_um + (front.across_um - rear.across_um) * lever,
         lifted=front.lifted | rear.lifted,

@@ -89,12 +89,12 @@ class HeldPart:
     def error_parts_um(self, angle_deg: Floats, z_mm: Floats) -> dict[Mechanism, Floats]:
         """Return the deviation that each mechanism leaves, shape (Z, angle), mean 0 over a turn."""
         if not self.thin:
-            return {Mechanism.CONTACT: _levelled(self._bar_um(angle_deg, z_mm)[0])}
+            return {Mechanism.CONTACT: _subtract_mean(self._bar_um(angle_deg, z_mm)[0])}
         tube, jaws = self.tube, self.job.jaws
         sprung = spring_back_um(tube, jaws, self.per_jaw_n, angle_from_jaw_deg=angle_deg, z_mm=z_mm)
-        wall = self.force.passive_n * wall_compliance_um_per_n(tube.bent(jaws), jaws, angle_deg)
+        wall = self.force.passive_n * wall_compliance_um_per_n(tube.bending_ring(jaws), jaws, angle_deg)
         along = axial_fraction(tube, jaws, z_mm)
-        return {Mechanism.SPRING_BACK: sprung, Mechanism.WALL: _levelled(np.outer(along, wall))}
+        return {Mechanism.SPRING_BACK: sprung, Mechanism.WALL: _subtract_mean(np.outer(along, wall))}
 
     def error_um_pp(self, z_mm: float) -> float:
         """Return the peak-to-peak deviation of all mechanisms together at one Z; half a lobe suffices."""
@@ -103,7 +103,7 @@ class HeldPart:
             return float(np.ptp(self._bar_um(angle_deg, z)[0]))
         tube, jaws = self.tube, self.job.jaws
         sprung = spring_back_um(tube, jaws, self.per_jaw_n, angle_from_jaw_deg=angle_deg, z_mm=z)[0]
-        wall = self.force.passive_n * tube.bent(jaws).scale_um_per_n * half_lobe_compliance(jaws)
+        wall = self.force.passive_n * tube.bending_ring(jaws).scale_um_per_n * half_lobe_compliance(jaws)
         return float(np.ptp(sprung + float(axial_fraction(tube, jaws, z_mm)) * wall))
 
     def size_um(self, z_mm: Floats) -> Floats:
@@ -123,7 +123,7 @@ class HeldPart:
         """Return the radial compliance of the part, mean over a turn, at the free end."""
         if self.thin:
             jaws = self.job.jaws
-            return float(wall_compliance_um_per_n(self.tube.bent(jaws), jaws, _TURN_DEG).mean())
+            return float(wall_compliance_um_per_n(self.tube.bending_ring(jaws), jaws, _TURN_DEG).mean())
         return float(self.size_um(np.array([self.job.overhang_mm]))[0]) / self.force.passive_n
 
     @property
@@ -131,7 +131,7 @@ class HeldPart:
         """The minimum stiffness of the part."""
         if self.thin:
             jaws = self.job.jaws
-            return 1 / float(self.tube.bent(jaws).scale_um_per_n * half_lobe_compliance(jaws).max())
+            return 1 / float(self.tube.bending_ring(jaws).scale_um_per_n * half_lobe_compliance(jaws).max())
         return 1 / self.compliance_um_per_n
 
     @property
@@ -165,5 +165,5 @@ def held_part(job: Job, machine: MachineProfile) -> HeldPart:
     )
 
 
-def _levelled(values: Floats) -> Floats:
+def _subtract_mean(values: Floats) -> Floats:
     return floats(values - values.mean(axis=1, keepdims=True))

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from profiles.findings import Finding, Severity, judged
+from profiles.findings import Finding, Severity, judge_condition
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import force_as_found
 from profiles.machine import MachineProfile
-from profiles.problem import Problem, refused
+from profiles.problem import Problem, refusal_error
 
 JAW_LENGTH_MM = 40.0
 JAW_STIFFNESS_N_PER_UM = 50.0
@@ -49,7 +49,7 @@ def torque_n_m(wrench: Wrench, force: float) -> float:
     torque = torque_or_none_n_m(wrench, force)
     if torque is None:
         value, limit = f"{force:.6g} N", f"> {max(wrench.offset_n, 0.0):.6g} N"
-        raise refused("value.out_of_range", key="chucking_force_n", value=value, limit=limit)
+        raise refusal_error("value.out_of_range", key="chucking_force_n", value=value, limit=limit)
     return torque
 
 
@@ -120,4 +120,4 @@ def force_as_measured(job: Job) -> Finding:
     """Return whether the part is held as when its lobe error was found: the error depends on the force."""
     value, limit = f"{job.chucking_force_n:.6g} N", f"{job.error_force_n:.6g} N"
     problem = Problem(code="rule.force_differs", key="chucking_force_n", value=value, limit=limit)
-    return judged(force_as_found(job), problem, Severity.WARNING)
+    return judge_condition(force_as_found(job), problem, Severity.WARNING)

@@ -33,16 +33,16 @@ class Tube:
     material: Material
 
     @property
-    def gripped(self) -> Ring:
+    def gripped_ring(self) -> Ring:
         """The ring between the jaws alone."""
         return self._ring(self.grip_mm)
 
-    def bent(self, harmonic: int) -> Ring:
+    def bending_ring(self, harmonic: int) -> Ring:
         """Return the ring that bends as the tube does at the jaws: the grip and the length bent with it.
 
         That is the integral of the f of `axial_fraction`, about 1/beta.
         """
-        beta = decay_per_mm(self.gripped, harmonic)
+        beta = decay_per_mm(self.gripped_ring, harmonic)
         x = beta * self.overhang_mm
         return self._ring(self.grip_mm + (1 - math.exp(-x) * math.cos(x)) / beta)
 
@@ -55,7 +55,7 @@ def axial_fraction(tube: Tube, harmonic: int, z_mm: ArrayLike) -> Floats:
 
     f = exp(-beta z) (cos beta z + sin beta z): straight at the jaws, and nothing far away.
     """
-    x = np.maximum(floats(z_mm), 0.0) * decay_per_mm(tube.gripped, harmonic)
+    x = np.maximum(floats(z_mm), 0.0) * decay_per_mm(tube.gripped_ring, harmonic)
     return floats(np.exp(-x) * (np.cos(x) + np.sin(x)))
 
 
@@ -70,7 +70,7 @@ def spring_back_um(
     angle = np.radians(floats(angle_from_jaw_deg))
     total = np.zeros((np.size(z_mm), angle.size))
     for n in (jaws * multiple for multiple in range(1, MULTIPLES + 1)):
-        amplitude_um = fourier_coefficient(jaws, n) * tube.bent(n).scale_um_per_n * force_per_jaw_n
+        amplitude_um = fourier_coefficient(jaws, n) * tube.bending_ring(n).scale_um_per_n * force_per_jaw_n
         total += amplitude_um * np.outer(axial_fraction(tube, n, z_mm), np.cos(n * angle))
     return total
 
@@ -90,13 +90,15 @@ def _on_jaws(jaws: int, angle_deg: Floats) -> Floats:
     """Return the motion under the tool in units of R^3 / (E I), for one axis of angles."""
     jaw = 2 * math.pi * np.arange(jaws) / jaws
     seats = np.stack([np.cos(jaw), np.sin(jaw)], axis=1)
-    matrix = np.block([[-_bent(jaw[:, None] - jaw[None, :]), seats], [seats.T, np.zeros((2, 2))]])
+    matrix = np.block([[-_ring_deflection(jaw[:, None] - jaw[None, :]), seats], [seats.T, np.zeros((2, 2))]])
     flat = np.radians(angle_deg)
     tool = np.stack([np.cos(flat), np.sin(flat)])
-    bent = _bent(jaw[:, None] - flat[None, :])
+    bent = _ring_deflection(jaw[:, None] - flat[None, :])
     # Sideways of two jaws the system is singular: the minimum-norm motion is none.
     found = np.linalg.lstsq(matrix, np.concatenate([-bent, tool]), rcond=None)[0]
-    moved = _bent(np.zeros(1)) - np.sum(bent * found[:jaws], axis=0) + np.sum(tool * found[jaws:], axis=0)
+    moved = (
+        _ring_deflection(np.zeros(1)) - np.sum(bent * found[:jaws], axis=0) + np.sum(tool * found[jaws:], axis=0)
+    )
     return floats(moved)
 
 
@@ -113,7 +115,7 @@ def half_lobe_compliance(jaws: int) -> Floats:
     return found
 
 
-def _bent(angle_rad: Floats) -> Floats:
+def _ring_deflection(angle_rad: Floats) -> Floats:
     """Return the deflection at an angle from a unit load, in R^3 / (E I): sum cos(n a) / (pi (n^2 - 1)^2), n >= 2.
 
     The terms fall with the fourth power of n; forty are exact to a hundred-thousandth.

@@ -94,7 +94,7 @@ def causes(
     rests on them.
     """
     ront_um, seen = part.ront_um(), _coefficients(part)
-    lobe = _of_lobe(part, cut, job, tool_um) if placed else _unplaced(part, job)
+    lobe = _of_lobe(part, cut, job, tool_um) if placed else _height_cause(part, job)
     others = _of_others(part, job, seen)
     if tool_um and placed:
         others.append(Cause(kind=CauseKind.TOOL, um_pp=2.0 * abs(tool_um), order=job.jaws))
@@ -132,7 +132,7 @@ def _of_lobe(part: PartHarmonics, cut: AppliedPath, job: Job, tool_um: complex) 
     return Cause(kind=CauseKind.LOBE, um_pp=um_pp, order=lobes)
 
 
-def _unplaced(part: PartHarmonics, job: Job) -> Cause | None:
+def _height_cause(part: PartHarmonics, job: Job) -> Cause | None:
     """Return the residual lobe by its height alone, None if it is noise."""
     left_um = abs(part.coefficients_um[job.jaws])
     if left_um <= SIGNIFICANT * _seen_sd_um(part, job):
@@ -169,7 +169,7 @@ def _of_order(n: int, coefficient: complex, job: Job) -> Cause:
         return Cause(kind=CauseKind.OVERTONE, um_pp=um_pp, order=n)
     if n != OVAL:
         return Cause(kind=CauseKind.HARMONIC, um_pp=um_pp, order=n)
-    jaw, off_deg = _nearest_jaw(PathHarmonic.of(n, coefficient).phase_deg, job)
+    jaw, off_deg = _nearest_jaw(PathHarmonic.from_coefficient(n, coefficient).phase_deg, job)
     kind = CauseKind.JAW if abs(off_deg) <= AT_JAW_DEG else CauseKind.OVAL
     return Cause(kind=kind, um_pp=um_pp, order=n, value=off_deg, jaw=jaw)
 

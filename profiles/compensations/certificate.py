@@ -26,7 +26,7 @@ PROCESS_GAINS = (1.0 - 2.0 * PROCESS_LOSS_SD, 1.0)
 """The fraction of the motion of the tool that arrives in the surface, from and to."""
 
 
-class Standing(StrEnum):
+class OrderStatus(StrEnum):
     """Whether an order is learned, or why not."""
 
     LEARNED = "learned"
@@ -38,7 +38,7 @@ class Standing(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Follows:
+class ToolResponse:
     """The known response T_hat of the tool at an order, and by which fraction r of that it may be off."""
 
     response: complex
@@ -46,8 +46,8 @@ class Follows:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Certified:
-    """One order: its `gain`, |1 - L T| for T = T_hat and its `bound`, its amplitudes in um, and why.
+class CertifiedOrder:
+    """One order: its `gain`, |1 - L T| for T = T_hat and its `bound_contraction`, its amplitudes in um, and why.
 
     `on_part_um` is on the part, `left_um` what the order teaches of that; None where no trace has shown it.
     `tool_off_um` is by how much the tool was off its path, None where that was not seen. `bound_gain_1` decides
@@ -61,22 +61,22 @@ class Certified:
     bound_gain_1: float
     on_part_um: float | None
     left_um: float | None
-    standing: Standing
+    standing: OrderStatus
     tool_off_um: float | None = None
 
 
-def bound(gain: float, spread: float) -> float:
+def bound_contraction(gain: float, spread: float) -> float:
     """Return the largest |1 - L T| for a tool within `spread` of its response, and any of the process gains."""
     return max(abs(1.0 - gain * arrives) + gain * arrives * spread for arrives in PROCESS_GAINS)
 
 
-def is_promised(follows: Follows, least_response: float) -> bool:
+def is_promised(follows: ToolResponse, least_response: float) -> bool:
     """Whether an order may be learned: the tool follows it well enough, and as surely."""
-    return abs(follows.response) >= least_response and bound(1.0, follows.spread) <= PROMISED
+    return abs(follows.response) >= least_response and bound_contraction(1.0, follows.spread) <= PROMISED
 
 
 def promised_orders(
-    follows: Callable[[int], Follows], least_response: float, most: int = MOST_HARMONICS
+    follows: Callable[[int], ToolResponse], least_response: float, most: int = MOST_HARMONICS
 ) -> tuple[int, ...]:
     """Return the orders from 2 on, up to the first that the tool hardly follows or that has no promise."""
     orders = []
@@ -88,7 +88,7 @@ def promised_orders(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shown:
+class OrderEvidence:
     """One order on a measured part, um: its amplitude, the learning step from it, the tool's error in its cut."""
 
     on_part_um: complex | None = None
@@ -96,15 +96,17 @@ class Shown:
     tool_off_um: complex | None = None
 
 
-def certified(order: int, gain: float, shown: Shown, follows: Follows, standing: Standing) -> Certified:
+def certify_order(
+    order: int, gain: float, shown: OrderEvidence, follows: ToolResponse, standing: OrderStatus
+) -> CertifiedOrder:
     """Return the certificate of an order."""
-    tried = gain if standing is Standing.LEARNED else 1.0  # what a step would do
-    return Certified(
+    tried = gain if standing is OrderStatus.LEARNED else 1.0  # what a step would do
+    return CertifiedOrder(
         order=order,
         gain=gain,
         factor=abs(1.0 - tried),
-        bound=bound(tried, follows.spread),
-        bound_gain_1=bound(1.0, follows.spread),
+        bound=bound_contraction(tried, follows.spread),
+        bound_gain_1=bound_contraction(1.0, follows.spread),
         on_part_um=_height(shown.on_part_um),
         left_um=_height(shown.left_um),
         standing=standing,

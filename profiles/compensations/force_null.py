@@ -66,7 +66,7 @@ class Sign(StrEnum):
     UNKNOWN = "unknown"
 
 
-class Why(StrEnum):
+class ForceNullReason(StrEnum):
     """Why it says nothing; `NONE` where it does."""
 
     NONE = ""
@@ -124,7 +124,7 @@ class ForceNull:
     """
 
     sign: Sign
-    why: Why = Why.NONE
+    why: ForceNullReason = ForceNullReason.NONE
     lobes: int
     force_n: complex = 0j
     force_sd_n: float = 0.0
@@ -143,7 +143,7 @@ class ForceNull:
         return self.sign in (Sign.WRONG_SIGN, Sign.TURNED)
 
 
-def unknown(lobes: int, why: Why) -> ForceNull:
+def unknown(lobes: int, why: ForceNullReason) -> ForceNull:
     """Return that nothing was found, and why."""
     return ForceNull(sign=Sign.UNKNOWN, why=why, lobes=lobes)
 
@@ -152,17 +152,17 @@ def force_null(record: ForceRecord, expected: ExpectedForce) -> ForceNull:
     """Return what a record of a cut, from before its face on, says of sign and angle of its compensation."""
     lobes = expected.lobes
     if record.angle_deg.size < 2 or not expected.whole_um:
-        return unknown(lobes, Why.NOT_GATHERED)
+        return unknown(lobes, ForceNullReason.NOT_GATHERED)
     onwards = 1.0 if record.angle_deg[-1] >= record.angle_deg[0] else -1.0
     turns = onwards * (record.angle_deg - record.face_deg) / 360.0
-    air, cut = _air(record, turns, lobes), _cut(record, turns, lobes)
+    air, cut = _air(record, turns, lobes), _select_cut_window(record, turns, lobes)
     if air is None or cut is None:
-        return unknown(lobes, Why.NO_REFERENCE)
+        return unknown(lobes, ForceNullReason.NO_REFERENCE)
     mean_n = cut.thrust.mean - air.thrust.mean
     mean_sd_n = math.hypot(cut.thrust.mean_sd, air.thrust.mean_sd)
     if mean_n < max(LEAST_FORCE_FRACTION * expected.passive_n, 2.0 * SURE * mean_sd_n) or cut.infeed.mean <= 0.0:
-        return unknown(lobes, Why.NO_FORCE)
-    return _judged(air, cut, mean_n, mean_sd_n, expected, onwards)
+        return unknown(lobes, ForceNullReason.NO_FORCE)
+    return _judge_windows(air, cut, mean_n, mean_sd_n, expected, onwards)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,7 +197,7 @@ def _air(record: ForceRecord, turns: Floats, lobes: int) -> _Window | None:
     return _window(record, turns, lobes, firsts[count - 1], count) if count >= LEAST_TURNS else None
 
 
-def _cut(record: ForceRecord, turns: Floats, lobes: int) -> _Window | None:
+def _select_cut_window(record: ForceRecord, turns: Floats, lobes: int) -> _Window | None:
     """Return all whole turns with a full chip, None if they are too few."""
     count = math.floor(float(turns.max()) - FULL_CHIP_TURNS)
     return None if count < LEAST_TURNS else _window(record, turns, lobes, FULL_CHIP_TURNS, count)
@@ -236,13 +236,13 @@ def _over_turns(found: Floats) -> _Harmonic:
     squares, cosines, sines = ((found - found.mean(axis=0)) ** 2).sum(axis=0) / (freedom * count)
     return _Harmonic(
         value=complex(cosine, -sine),
-        sd=_widened(2 * freedom) * math.sqrt((cosines + sines) / 2.0),
+        sd=_student_widening(2 * freedom) * math.sqrt((cosines + sines) / 2.0),
         mean=float(mean),
-        mean_sd=_widened(freedom) * math.sqrt(squares),
+        mean_sd=_student_widening(freedom) * math.sqrt(squares),
     )
 
 
-def _widened(freedom: int) -> float:
+def _student_widening(freedom: int) -> float:
     return student(freedom) / student(math.inf)
 
 
@@ -274,7 +274,7 @@ def _force_at_lobe(air: _Window, cut: _Window, expected: ExpectedForce, onwards:
     )
 
 
-def _judged(
+def _judge_windows(
     air: _Window, cut: _Window, mean_n: float, mean_sd_n: float, expected: ExpectedForce, onwards: float
 ) -> ForceNull:
     lobes, whole_um = expected.lobes, expected.whole_um
@@ -307,17 +307,17 @@ def _judged(
     )
 
 
-def _verdict(ratio: float, noise: float, lobe_deg: float, sd_deg: float) -> tuple[Sign, Why]:
+def _verdict(ratio: float, noise: float, lobe_deg: float, sd_deg: float) -> tuple[Sign, ForceNullReason]:
     """Return the verdict, from the size of the lobe that the tool met and its angle against the path's."""
     if noise > LEAST_RATIO / (2.0 * SURE):
-        return Sign.UNKNOWN, Why.NOISE
+        return Sign.UNKNOWN, ForceNullReason.NOISE
     if ratio < LEAST_RATIO:
-        return Sign.UNKNOWN, Why.ROUND
+        return Sign.UNKNOWN, ForceNullReason.ROUND
     if ratio > MOST_RATIO:
-        return Sign.UNKNOWN, Why.TOO_LARGE
+        return Sign.UNKNOWN, ForceNullReason.TOO_LARGE
     off_deg = abs(lobe_deg)
     if off_deg <= AGREES_DEG and sd_deg <= MOST_SD_DEG:
-        return Sign.AGREES, Why.NONE
+        return Sign.AGREES, ForceNullReason.NONE
     if sd_deg > MOST_SD_DEG or off_deg - SURE * sd_deg <= AGREES_DEG:
-        return Sign.UNKNOWN, Why.NOISE
-    return (Sign.WRONG_SIGN if off_deg >= MIRRORED_DEG else Sign.TURNED), Why.NONE
+        return Sign.UNKNOWN, ForceNullReason.NOISE
+    return (Sign.WRONG_SIGN if off_deg >= MIRRORED_DEG else Sign.TURNED), ForceNullReason.NONE

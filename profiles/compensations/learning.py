@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from profiles.arrays import floats
 from profiles.compensations.path import CutPath, LobedPath
 from profiles.least_squares import fit, harmonic_columns, phasors
-from profiles.problem import refused
+from profiles.problem import refusal_error
 
 Value = TypeVar("Value")
 
@@ -79,11 +79,11 @@ def fit_harmonics(angle_deg: ArrayLike, values_um: ArrayLike, orders: Sequence[i
     values = floats(values_um)
     unknowns = 1 + 2 * len(orders)
     if values.size <= 2 * unknowns:
-        raise refused("learning.few_samples", value=str(values.size), limit=f"> {2 * unknowns}")
+        raise refusal_error("learning.few_samples", value=str(values.size), limit=f"> {2 * unknowns}")
     found = fit(harmonic_columns(angle, orders), values)
     if found.condition * STEADY_FRACTION > 1.0:
         gap = f"{math.degrees(float(np.ptp(angle))):.3g} deg"
-        raise refused("learning.few_samples", key="angle_deg", value=gap, limit=">= 360 deg")
+        raise refusal_error("learning.few_samples", key="angle_deg", value=gap, limit=">= 360 deg")
     return HarmonicFit(
         mean_um=float(found.coefficients[0]),
         coefficients_um=phasors(found.coefficients, orders),
@@ -133,19 +133,19 @@ def convergence(true: complex, nominal: complex, gain: float = 1.0) -> float:
     return abs(1.0 - gain * true / nominal)
 
 
-def trimmed(trim_um: complex, error_um: complex, response: complex, gain: float, most_um: float) -> complex:
+def next_trim_um(trim_um: complex, error_um: complex, response: complex, gain: float, most_um: float) -> complex:
     """Return the next trim of a running cut: adaptive feedforward cancellation, once per batch of samples.
 
     Raises `ProfileError`: `learning.trim_limit`; the trim that is in effect stays.
     """
     target = trim_um + gain * error_um / response
     if not abs(target) <= most_um:
-        raise refused("learning.trim_limit", value=f"{abs(target):.2f} um", limit=f"<= {most_um:g} um")
+        raise refusal_error("learning.trim_limit", value=f"{abs(target):.2f} um", limit=f"<= {most_um:g} um")
     return target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Grown:
+class GrownHarmonic:
     """A harmonic no longer learned: amplitudes in um at its best, and in the pass that was significantly worse."""
 
     order: int
@@ -154,7 +154,7 @@ class Grown:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Best:
+class BestResidual:
     """The best residual of a harmonic, in um with its standard deviation, and the path of that pass."""
 
     left: complex
@@ -173,26 +173,26 @@ class Best:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Watch:
+class HarmonicWatch:
     """The best pass of each harmonic so far, and the harmonics that have grown since."""
 
-    best: Mapping[int, Best] = field(default_factory=dict)
-    grown: tuple[Grown, ...] = ()
+    best: Mapping[int, BestResidual] = field(default_factory=dict)
+    grown: tuple[GrownHarmonic, ...] = ()
 
-    def judged(
+    def judge_pass(
         self,
         path: CutPath,
         left_um: Mapping[int, complex],
         sd_um: Callable[[int], float],
         allowed_um: Callable[[int], float] = lambda _: 0.0,
-    ) -> Watch:
+    ) -> HarmonicWatch:
         """Return the watch after a pass with `path` that left these harmonics, each with its standard deviation.
 
         `allowed_um` is how much a harmonic may grow for reasons other than learning.
         """
         best, grown = dict(self.best), list(self.grown)
-        for n, coefficient in self.learned(left_um).items():
-            now = Best(
+        for n, coefficient in self.select_learned(left_um).items():
+            now = BestResidual(
                 left=coefficient,
                 sd_um=_once_sd_um(sd_um(n)),
                 target=coefficient_of(path.target, n),
@@ -202,44 +202,44 @@ class Watch:
             if before is None or now.left_um < before.left_um:
                 best[n] = now
             elif before.is_exceeded(now.left_um, now.sd_um, allowed_um(n)):
-                grown.append(Grown(order=n, best_um=before.left_um, grown_um=now.left_um))
+                grown.append(GrownHarmonic(order=n, best_um=before.left_um, grown_um=now.left_um))
         return replace(self, best=best, grown=tuple(grown))
 
-    def afresh(self) -> Watch:
+    def afresh(self) -> HarmonicWatch:
         """Return a new watch for passes not comparable with those so far; frozen harmonics stay frozen."""
-        return replace(self, best={n: each for n, each in self.best.items() if n in self.frozen})
+        return replace(self, best={n: each for n, each in self.best.items() if n in self.frozen_orders})
 
     def not_back(self, left_um: Mapping[int, complex], sd_um: Callable[[int], float]) -> frozenset[int]:
         """Return the frozen harmonics that a pass with their best path leaves certainly otherwise than their best.
 
         Learning is not why they have grown, or not alone: the same path leaves something else.
         """
-        seen = {n: c - self.best[n].left for n, c in left_um.items() if n in self.frozen}
+        seen = {n: c - self.best[n].left for n, c in left_um.items() if n in self.frozen_orders}
         return frozenset(
             n
             for n, off_um in seen.items()
             if abs(off_um) > SIGNIFICANT * math.hypot(_once_sd_um(sd_um(n)), self.best[n].sd_um)
         )
 
-    def released(self, orders: frozenset[int]) -> Watch:
+    def release_orders(self, orders: frozenset[int]) -> HarmonicWatch:
         """Return the watch with these harmonics forgotten: they are learned again, and watched anew."""
-        return Watch(
+        return HarmonicWatch(
             best={n: each for n, each in self.best.items() if n not in orders},
             grown=tuple(each for each in self.grown if each.order not in orders),
         )
 
     @property
-    def frozen(self) -> frozenset[int]:
+    def frozen_orders(self) -> frozenset[int]:
         """The harmonics that are no longer learned."""
         return frozenset(each.order for each in self.grown)
 
-    def learned(self, harmonics: Mapping[int, Value]) -> dict[int, Value]:
+    def select_learned(self, harmonics: Mapping[int, Value]) -> dict[int, Value]:
         """Return the harmonics that are learned."""
-        return {n: value for n, value in harmonics.items() if n not in self.frozen}
+        return {n: value for n, value in harmonics.items() if n not in self.frozen_orders}
 
-    def kept(self, path: CutPath) -> CutPath:
+    def keep_best(self, path: CutPath) -> CutPath:
         """Return a path with each frozen harmonic at its best."""
-        back = {n: self.best[n] for n in self.frozen}
+        back = {n: self.best[n] for n in self.frozen_orders}
         return CutPath(
             target=path.target.plus({n: each.target - coefficient_of(path.target, n) for n, each in back.items()}),
             command=path.command.plus(

@@ -21,8 +21,14 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 
-from profiles.compensations.certificate import Certified, Follows
-from profiles.compensations.learned import MODEL, ClampingReading, HoldsFor, LearnedCompensation, PartReading
+from profiles.compensations.certificate import CertifiedOrder, ToolResponse
+from profiles.compensations.learned_compensation import (
+    MODEL,
+    ClampingReading,
+    HoldsFor,
+    LearnedCompensation,
+    PartReading,
+)
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
     SIGNIFICANT,
@@ -37,7 +43,7 @@ from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath, PathHarmonic, fraction_of, free_state_lobe, target_path
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import found_on_a_part
-from profiles.problem import Problem, refused
+from profiles.problem import Problem, refusal_error
 
 # Gain of the first part, where errors are large, and of later ones, where a part of them is noise.
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
@@ -48,7 +54,7 @@ IN_PLACE_DEG = 30.0
 part worse than none, 10 degrees of spindle with three jaws; dry friction of 3 N makes 12 of it at 50 Hz."""
 
 
-class Verdict(StrEnum):
+class ImprovementVerdict(StrEnum):
     """Whether the parts improve, as far as two of them show."""
 
     CONVERGES = "converges"
@@ -69,11 +75,11 @@ class Contraction:
     arrives: complex
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> ImprovementVerdict:
         """Whether the factor is below 1, or above."""
         if self.value - self.half_width >= 1.0:
-            return Verdict.DIVERGES
-        return Verdict.CONVERGES if self.value + self.half_width < 1.0 else Verdict.UNCLEAR
+            return ImprovementVerdict.DIVERGES
+        return ImprovementVerdict.CONVERGES if self.value + self.half_width < 1.0 else ImprovementVerdict.UNCLEAR
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,7 +139,7 @@ class LearningStep:
     expected_half_width_um_pp: float
     reasons: tuple[Problem, ...]
     warnings: tuple[Problem, ...] = ()
-    certificate: tuple[Certified, ...] = ()
+    certificate: tuple[CertifiedOrder, ...] = ()
     placed: bool = True
 
     @property
@@ -150,7 +156,7 @@ class LearningStep:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Uncompensated:
+class UncompensatedPart:
     """A part as it would have been: coefficients in um, positive outwards, of the lobe alone.
 
     `whole_um` is what all of the path would leave, `without_um` what no compensation would, `expected_um` the
@@ -206,10 +212,12 @@ class Uncompensated:
         return min(abs(self.without_um - self.whole_um), self.plain_um) <= 2.0 * self._noise_um
 
 
-def uncompensated(left_um: complex, sd_um: float, path_um: complex, fraction: float, job: Job) -> Uncompensated:
+def compare_uncompensated(
+    left_um: complex, sd_um: float, path_um: complex, fraction: float, job: Job
+) -> UncompensatedPart:
     """Compare a part that has `left_um` of its lobe, cut with `fraction` of `path_um`."""
     without_um = left_um + fraction * path_um
-    return Uncompensated(
+    return UncompensatedPart(
         whole_um=without_um - path_um,
         without_um=without_um,
         expected_um=free_state_lobe(job).harmonics[0].coefficient,
@@ -228,7 +236,7 @@ def next_version(
     number: int,
     gain: float | None,
     orders: Sequence[int],
-    follows: Callable[[int], Follows],
+    follows: Callable[[int], ToolResponse],
     scatter_um: float,
     date: str,
     beside: Sequence[int] = (),
@@ -241,15 +249,15 @@ def next_version(
     have grown before. `follows` is the tool at an order. `scatter_um` is the standard deviation of the
     lobe's amplitude from clamping to clamping. Raises `ProfileError` (`learned.gain`).
     """
-    parts = [_seen(n, cut, part, job) for n in sorted((*orders, *beside)) if n in part.coefficients_um]
+    parts = [_order_evidence(n, cut, part, job) for n in sorted((*orders, *beside)) if n in part.coefficients_um]
     if gain is not None and not 0.0 < gain <= 1.0:
-        raise refused("learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1")
+        raise refusal_error("learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1")
     rules = _rules(cut, job, orders, asked, gain, follows, scatter_um)
     gains = order_steps(parts, rules).gains
     read, path_um = _read(cut, part, job.jaws, parts), cut.path.target.harmonics[0].coefficient
-    plain = uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.fraction, job)
+    plain = compare_uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.fraction, job)
     contractions = _of_lobe(cut, read, job, gains[job.jaws], scatter_um) | _of_others(cut, part, gains)
-    grown = _grown(contractions, job.jaws)
+    grown = _find_grown_harmonics(contractions, job.jaws)
     rules = replace(rules, frozen=rules.frozen | grown.keys())
     steps = order_steps(parts, rules)
     changes = {**steps.changes_um, **_back(cut, grown)}
@@ -274,7 +282,7 @@ def _rules(
     orders: Sequence[int],
     asked: Sequence[int],
     gain: float | None,
-    follows: Callable[[int], Follows],
+    follows: Callable[[int], ToolResponse],
     scatter_um: float,
 ) -> OrderRules:
     return OrderRules(
@@ -304,7 +312,7 @@ def _step(
     lobes, placed = following.path.target.lobes, part.is_placed
     return LearningStep(
         next=replace(following, expected_ront_um=part.ront_um(deeper)),
-        learned=steps.learned if placed else (),
+        learned=steps.learned_orders if placed else (),
         contractions=contractions if placed else {},
         expected_lobe_um_pp=2.0 * abs(part.coefficients_um[lobes] - deeper[lobes]),
         expected_half_width_um_pp=half_width_um_pp(part.sd_um[lobes], scatter_um),
@@ -315,7 +323,7 @@ def _step(
     )
 
 
-def _seen(n: int, cut: AppliedPath, part: PartHarmonics, job: Job) -> OrderSeen:
+def _order_evidence(n: int, cut: AppliedPath, part: PartHarmonics, job: Job) -> OrderSeen:
     """Return an order as this part and those before it show it."""
     path_um, spared_um = coefficient_of(cut.path.target, n), cut.spared_um.get(n, 0j)
     error_um = part.coefficients_um[n] - spared_um
@@ -338,12 +346,14 @@ def _read(cut: AppliedPath, part: PartHarmonics, lobes: int, parts: Sequence[Ord
         version=cut.number,
         fraction=cut.fraction,
         target=target,
-        lobe=PathHarmonic.of(lobes, part.coefficients_um[lobes]),
+        lobe=PathHarmonic.from_coefficient(lobes, part.coefficients_um[lobes]),
         lobe_sd_um=part.sd_um[lobes],
         ront_um=part.ront_um(),
-        plain=tuple(PathHarmonic.of(each.order, each.shown_um[-1]) for each in parts if each.order != lobes),
+        plain=tuple(
+            PathHarmonic.from_coefficient(each.order, each.shown_um[-1]) for each in parts if each.order != lobes
+        ),
         clamped=cut.clamped,
-        tool=PathHarmonic.of(lobes, cut.tool_um) if cut.tool_um else None,
+        tool=PathHarmonic.from_coefficient(lobes, cut.tool_um) if cut.tool_um else None,
     )
 
 
@@ -393,7 +403,7 @@ def _of_others(cut: AppliedPath, part: PartHarmonics, gains: Mapping[int, float]
     return found
 
 
-def _grown(contractions: Mapping[int, Contraction], lobes: int) -> dict[int, Problem]:
+def _find_grown_harmonics(contractions: Mapping[int, Contraction], lobes: int) -> dict[int, Problem]:
     """Return the harmonics beside the lobe that certainly grow, each with its problem."""
     return {
         n: Problem(
@@ -403,7 +413,7 @@ def _grown(contractions: Mapping[int, Contraction], lobes: int) -> dict[int, Pro
             limit="< 1",
         )
         for n, c in sorted(contractions.items())
-        if n != lobes and c.verdict is Verdict.DIVERGES
+        if n != lobes and c.verdict is ImprovementVerdict.DIVERGES
     }
 
 
@@ -424,7 +434,7 @@ def _reasons(
     version: LearnedCompensation | None,
 ) -> tuple[Problem, ...]:
     lobe = contractions.get(lobes)
-    if lobe is not None and lobe.verdict is Verdict.DIVERGES:
+    if lobe is not None and lobe.verdict is ImprovementVerdict.DIVERGES:
         back = f"--revert {MODEL if version is None else version.parent}"
         value = f"{lobe.value:.2f} ± {lobe.half_width:.2f}"
         return (Problem(code="learned.diverges", key=back, value=value, limit="< 1"),)

@@ -16,7 +16,13 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from profiles.compensations.certificate import Certified, Follows, Shown, Standing, certified
+from profiles.compensations.certificate import (
+    CertifiedOrder,
+    OrderEvidence,
+    OrderStatus,
+    ToolResponse,
+    certify_order,
+)
 from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT, coefficient_of
 from profiles.compensations.optimal_gain import (
     PRIOR_OTHERS_UM,
@@ -55,10 +61,10 @@ class OrderSeen:
     on_part_um: complex | None = None
 
     @property
-    def shown(self) -> Shown:
+    def evidence(self) -> OrderEvidence:
         """What the certificate says that the part shows."""
         on_part_um = self.error_um if self.on_part_um is None else self.on_part_um
-        return Shown(on_part_um=on_part_um, left_um=self.error_um)
+        return OrderEvidence(on_part_um=on_part_um, left_um=self.error_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +81,7 @@ class OrderRules:
     chucked: frozenset[int]
     frozen: frozenset[int]
     gain: float | None
-    follows: Callable[[int], Follows]
+    follows: Callable[[int], ToolResponse]
 
     def gain_of(self, seen: OrderSeen) -> float:
         """Return the gain for the step of an order."""
@@ -93,18 +99,18 @@ class OrderRules:
         )
         return optimal_gain(scatter, [step for step in seen.steps_um if step > STEP_UM], abs(seen.error_um))
 
-    def standing_of(self, seen: OrderSeen) -> Standing:
+    def standing_of(self, seen: OrderSeen) -> OrderStatus:
         """Return whether an order is learned, or why not."""
         if seen.order in self.frozen:
-            return Standing.GREW
+            return OrderStatus.GREW
         if seen.order not in self.chucked:
             if len(seen.shown_um) > 1 and not repeats(seen.shown_um) and abs(seen.path_um) > STEP_UM:
-                return Standing.VARIES
+                return OrderStatus.VARIES
             if abs(seen.error_um) > SIGNIFICANT * seen.sd_um:
                 if len(seen.shown_um) < 2:
-                    return Standing.ONE_PART
-                return Standing.LEARNED if repeats(seen.shown_um) else Standing.VARIES
-        return Standing.LEARNED if abs(seen.error_um) > SIGNIFICANT * seen.sd_um else Standing.NOISE
+                    return OrderStatus.ONE_PART
+                return OrderStatus.LEARNED if repeats(seen.shown_um) else OrderStatus.VARIES
+        return OrderStatus.LEARNED if abs(seen.error_um) > SIGNIFICANT * seen.sd_um else OrderStatus.NOISE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,12 +119,12 @@ class OrderSteps:
 
     changes_um: Mapping[int, complex]
     gains: Mapping[int, float]
-    certificate: tuple[Certified, ...]
+    certificate: tuple[CertifiedOrder, ...]
 
     @property
-    def learned(self) -> tuple[int, ...]:
+    def learned_orders(self) -> tuple[int, ...]:
         """The orders that are learned."""
-        return tuple(each.order for each in self.certificate if each.standing is Standing.LEARNED)
+        return tuple(each.order for each in self.certificate if each.standing is OrderStatus.LEARNED)
 
 
 def order_steps(parts: Sequence[OrderSeen], rules: OrderRules) -> OrderSteps:
@@ -127,25 +133,25 @@ def order_steps(parts: Sequence[OrderSeen], rules: OrderRules) -> OrderSteps:
     for seen in parts:
         standing = rules.standing_of(seen)
         gains[seen.order] = gain = rules.gain_of(seen)
-        if standing is Standing.LEARNED:
+        if standing is OrderStatus.LEARNED:
             changes[seen.order] = gain * seen.error_um
-        elif standing is Standing.VARIES and abs(seen.path_um) > STEP_UM:  # it would be cut into the next part
+        elif standing is OrderStatus.VARIES and abs(seen.path_um) > STEP_UM:  # it would be cut into the next part
             changes[seen.order] = -seen.path_um
-        certificate.append(certified(seen.order, gain, seen.shown, rules.follows(seen.order), standing))
+        certificate.append(certify_order(seen.order, gain, seen.evidence, rules.follows(seen.order), standing))
     return OrderSteps(changes_um=changes, gains=gains, certificate=tuple(certificate))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Repeating:
+class RepeatHistory:
     """The path that the first part was `begun` with, and what each part has shown of each order since, in um."""
 
     begun: CutPath
     shown_um: Mapping[int, tuple[complex, ...]] = field(default_factory=dict)
 
-    def seen(self, shown_um: Mapping[int, complex]) -> Repeating:
+    def add_part(self, shown_um: Mapping[int, complex]) -> RepeatHistory:
         """Return this with one more part, by its harmonics without the learned motion."""
         every = {n: (*self.shown_um.get(n, ()), c) for n, c in shown_um.items()}
-        return Repeating(begun=self.begun, shown_um={**self.shown_um, **every})
+        return RepeatHistory(begun=self.begun, shown_um={**self.shown_um, **every})
 
     def target_moved_um(self, path: CutPath, order: int) -> complex:
         """Return by how much the target of an order was learned, in um."""
@@ -164,10 +170,10 @@ class Repeating:
         """Return a path with each of these orders as the first part had it."""
         back = tuple(orders)
         return CutPath(
-            target=_without(path.target, {n: self.target_moved_um(path, n) for n in back}),
-            command=_without(path.command, {n: self.command_moved_um(path, n) for n in back}),
+            target=_subtract_orders(path.target, {n: self.target_moved_um(path, n) for n in back}),
+            command=_subtract_orders(path.command, {n: self.command_moved_um(path, n) for n in back}),
         )
 
 
-def _without(path: LobedPath, less_um: Mapping[int, complex]) -> LobedPath:
+def _subtract_orders(path: LobedPath, less_um: Mapping[int, complex]) -> LobedPath:
     return path.plus({n: -c for n, c in less_um.items()})

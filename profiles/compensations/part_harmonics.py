@@ -63,8 +63,8 @@ class PartHarmonics:
             left_um -= np.real(coefficient * np.exp(1j * n * np.radians(spindle_deg)))
         return evaluate(self.angle_deg, left_um, self.filter_upr, radius_mm=self.radius_mm).ront_um
 
-    def turned(self, by_deg: float) -> PartHarmonics:
-        """Return the part as if mounted so many degrees of spindle further on, as `LobedPath.turned`."""
+    def turn_by(self, by_deg: float) -> PartHarmonics:
+        """Return the part as if mounted so many degrees of spindle further on, as `LobedPath.turn_by`."""
         turn = math.radians(by_deg)
         turned = {n: c * cmath.exp(-1j * n * turn) for n, c in self.coefficients_um.items()}
         return replace(self, coefficients_um=turned, begins_deg=self.begins_deg + by_deg)
@@ -96,7 +96,9 @@ def part_harmonics(
         turns = several_turns(angle_deg, deviation_um, header.turns)
         angle_deg, deviation_um = turns.angle_deg, turns.repeatable_um
     placed: dict[int, complex] = {}
-    fitted = {each.n: each for each in (*_beside(trace, job, beside, robust=robust), *found.fit.harmonics)}
+    fitted = {
+        each.n: each for each in (*_fit_further_harmonics(trace, job, beside, robust=robust), *found.fit.harmonics)
+    }
     for harmonic in fitted.values():
         own = complex(harmonic.cos_um, -harmonic.sin_um)
         if harmonic.n == OVAL:
@@ -119,7 +121,9 @@ def part_harmonics(
     )
 
 
-def _beside(trace: Trace, job: Job, orders: Sequence[int], *, robust: bool) -> Sequence[FittedHarmonic]:
+def _fit_further_harmonics(
+    trace: Trace, job: Job, orders: Sequence[int], *, robust: bool
+) -> Sequence[FittedHarmonic]:
     """Return the harmonics of these orders, none where the angles of the trace cannot separate so many."""
     if not orders:
         return ()

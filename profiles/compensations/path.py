@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from profiles.arrays import Floats, floats
 from profiles.axis.response import AMPLIFICATION_LIMIT
 from profiles.job import Job
-from profiles.problem import Problem, refused
+from profiles.problem import Problem, refusal_error
 
 PARTIAL_FRACTION = 0.5
 
@@ -40,7 +40,7 @@ class PathHarmonic:
     phase_deg: float
 
     @classmethod
-    def of(cls, lobes: int, coefficient: complex) -> PathHarmonic:
+    def from_coefficient(cls, lobes: int, coefficient: complex) -> PathHarmonic:
         """Return Re(c exp(j lobes angle)), c in um, as a harmonic."""
         phase_deg = -math.degrees(cmath.phase(coefficient)) / lobes
         return cls(lobes=lobes, amplitude_um=abs(coefficient), phase_deg=phase_deg)
@@ -55,7 +55,7 @@ class PathHarmonic:
         angle = floats(angle_deg)
         return floats(self.amplitude_um * np.cos(self.lobes * np.radians(angle - self.phase_deg)))
 
-    def turned(self, by_deg: float) -> PathHarmonic:
+    def turn_by(self, by_deg: float) -> PathHarmonic:
         """Return the harmonic turned by degrees of spindle: at angle + by_deg it has its value at angle."""
         return replace(self, phase_deg=self.phase_deg + by_deg)
 
@@ -91,12 +91,12 @@ class LobedPath:
         grown = 1.0 + self.growth_per_mm * floats(past_middle_mm)
         return floats(self.mean_um + grown * harmonics)
 
-    def turned(self, by_deg: float) -> LobedPath:
+    def turn_by(self, by_deg: float) -> LobedPath:
         """Return the path so many degrees of spindle further on, for a chuck mounted so much further.
 
         The phase of order n is later by n times that.
         """
-        overtones = tuple(harmonic.turned(by_deg) for harmonic in self.overtones)
+        overtones = tuple(harmonic.turn_by(by_deg) for harmonic in self.overtones)
         return replace(self, phase_deg=self.phase_deg + by_deg, overtones=overtones)
 
     def plus(self, coefficients: Mapping[int, complex], mean_um: float = 0.0) -> LobedPath:
@@ -104,13 +104,13 @@ class LobedPath:
         sums = {harmonic.lobes: harmonic.coefficient for harmonic in self.harmonics}
         for n, coefficient in coefficients.items():
             sums[n] = sums.get(n, 0j) + coefficient
-        lobe = PathHarmonic.of(self.lobes, sums.pop(self.lobes))
+        lobe = PathHarmonic.from_coefficient(self.lobes, sums.pop(self.lobes))
         return LobedPath(
             mean_um=self.mean_um + mean_um,
             amplitude_um=lobe.amplitude_um,
             lobes=self.lobes,
             phase_deg=lobe.phase_deg if lobe.amplitude_um else self.phase_deg,
-            overtones=tuple(PathHarmonic.of(n, sums[n]) for n in sorted(sums)),
+            overtones=tuple(PathHarmonic.from_coefficient(n, sums[n]) for n in sorted(sums)),
             growth_per_mm=self.growth_per_mm,
             push_um=self.push_um,
         )
@@ -123,11 +123,11 @@ class CutPath:
     target: LobedPath
     command: LobedPath
 
-    def turned(self, by_deg: float) -> CutPath:
+    def turn_by(self, by_deg: float) -> CutPath:
         """Return both so many degrees of spindle further on: the axis response does not change with angle."""
-        return CutPath(target=self.target.turned(by_deg), command=self.command.turned(by_deg))
+        return CutPath(target=self.target.turn_by(by_deg), command=self.command.turn_by(by_deg))
 
-    def pushed(self, further_um: float) -> CutPath:
+    def add_push(self, further_um: float) -> CutPath:
         """Return the path with a command that makes up for so much more of the push of the cut."""
         command = replace(self.command, push_um=self.command.push_um + further_um)
         return CutPath(target=self.target, command=command)
@@ -185,16 +185,16 @@ def invert(target: LobedPath, response: complex | Callable[[int], complex]) -> L
     spindle angle. The mean passes unchanged (T(0) = 1). Raises `ProfileError` (`response.too_small`) where the
     command would be more than `AMPLIFICATION_LIMIT` times the motion.
     """
-    lobe, *overtones = (_inverted(harmonic, response) for harmonic in target.harmonics)
+    lobe, *overtones = (_invert_harmonic(harmonic, response) for harmonic in target.harmonics)
     return replace(target, amplitude_um=lobe.amplitude_um, phase_deg=lobe.phase_deg, overtones=tuple(overtones))
 
 
-def _inverted(harmonic: PathHarmonic, response: complex | Callable[[int], complex]) -> PathHarmonic:
+def _invert_harmonic(harmonic: PathHarmonic, response: complex | Callable[[int], complex]) -> PathHarmonic:
     here = response(harmonic.lobes) if callable(response) else response
     gain = abs(here)
     if not math.isfinite(gain) or gain * AMPLIFICATION_LIMIT < 1.0:
         limit = f">= {1.0 / AMPLIFICATION_LIMIT:g}"
-        raise refused("response.too_small", value=f"{gain:.3g}", limit=limit)
+        raise refusal_error("response.too_small", value=f"{gain:.3g}", limit=limit)
     phase_deg = harmonic.phase_deg + math.degrees(cmath.phase(here)) / harmonic.lobes
     return replace(harmonic, amplitude_um=harmonic.amplitude_um / gain, phase_deg=phase_deg)
 
@@ -209,7 +209,7 @@ def misalignment(angle_deg: float, jaws: int) -> complex:
     return cmath.exp(-1j * jaws * math.radians(angle_deg))
 
 
-def delayed(response: complex, frequency_hz: float, delay_s: float) -> complex:
+def delay_response(response: complex, frequency_hz: float, delay_s: float) -> complex:
     """Return the response of an axis whose command is delayed by a constant time."""
     return response * cmath.exp(-2j * math.pi * frequency_hz * delay_s)
 
@@ -233,7 +233,7 @@ def chord_error(points: float) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Expected:
+class ExpectedResidual:
     """What is left of the lobe, um p-p: with correct sign and angle, and with the sign (or half a lobe) wrong."""
 
     right_um_pp: float
@@ -242,17 +242,17 @@ class Expected:
 
 def fraction_of(path: CutPath, fraction: float) -> CutPath:
     """Return a path with this fraction of its harmonics, at the same mean; axes respond linearly."""
-    return CutPath(target=_scaled(path.target, fraction), command=_scaled(path.command, fraction))
+    return CutPath(target=_scale_path(path.target, fraction), command=_scale_path(path.command, fraction))
 
 
-def expected(lobe_um_pp: float, fraction: float) -> Expected:
+def expect_residual(lobe_um_pp: float, fraction: float) -> ExpectedResidual:
     """Return what a fraction of the compensation leaves of a lobe of `lobe_um_pp`."""
-    return Expected(
+    return ExpectedResidual(
         right_um_pp=residual_um_pp(lobe_um_pp, fraction), wrong_um_pp=residual_um_pp(lobe_um_pp, -fraction)
     )
 
 
-def _scaled(path: LobedPath, fraction: float) -> LobedPath:
+def _scale_path(path: LobedPath, fraction: float) -> LobedPath:
     overtones = tuple(
         replace(harmonic, amplitude_um=fraction * harmonic.amplitude_um) for harmonic in path.overtones
     )

@@ -40,7 +40,7 @@ class TrimResponse:
         most = math.radians(MOST_TURN_DEG)
         return self.nominal * cmath.rect(height, min(max(cmath.phase(factor), -most), most))
 
-    def seen(self, trim_um: complex, error_um: complex) -> TrimResponse:
+    def add_batch(self, trim_um: complex, error_um: complex) -> TrimResponse:
         """Return the response after a batch with this trim and this error."""
         after = replace(self, trim_um=trim_um, error_um=error_um)
         if self.error_um is None:

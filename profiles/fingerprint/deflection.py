@@ -73,7 +73,7 @@ def deflection_of(readings: ClampReadings, job: Job) -> Deflection:
             continue
         of_lobe = 1 + 2 * orders.index(lobes)
         if OVAL in orders or _oval_in(columns, angle, slice(of_lobe, of_lobe + 2)) <= MOST_OVAL:
-            return _found(readings, columns, sprung_um, orders, places)
+            return _build_deflection(readings, columns, sprung_um, orders, places)
     return _upright(readings, angle, sprung_um, job)
 
 
@@ -94,7 +94,7 @@ def _oval_in(columns: Floats, angle: Floats, of_lobe: slice) -> float:
     return float(np.linalg.norm(shown, 2))
 
 
-def _found(
+def _build_deflection(
     readings: ClampReadings, columns: Floats, sprung_um: Floats, orders: Sequence[int], places: int
 ) -> Deflection:
     found = fit(columns, sprung_um)

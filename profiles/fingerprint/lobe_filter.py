@@ -47,7 +47,7 @@ class ClampingScale:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class MeasuredCoefficient:
     """A complex coefficient as measured, um, with the standard deviation of each of its two components.
 
     `along` is the direction in which alone it was measured, None for both.
@@ -122,7 +122,7 @@ class LobeFilter:
         higher_um = 0.5 * math.sqrt(3.0) * float(across @ self.covariance @ across) / abs(lobe_um)
         return math.hypot(math.sqrt(float(along @ self.covariance @ along)), higher_um)
 
-    def clamped(self, repeats_um: float = 0.0) -> LobeFilter:
+    def predict_clamping(self, repeats_um: float = 0.0) -> LobeFilter:
         """Return the filter for the next clamping, of which nothing is known but the scatter.
 
         `repeats_um` is by how much a lathe changes its lobe from part to part.
@@ -135,7 +135,7 @@ class LobeFilter:
         covariance[_LI, _LI] += 0.5 * repeats_um**2
         return replace(self, mean=mean, covariance=covariance)
 
-    def surprise(self, deflection: Seen) -> Surprise:
+    def surprise(self, deflection: MeasuredCoefficient) -> Surprise:
         """Return how far a fingerprint is from what is known before it.
 
         Along and across the lobe are independent of each other but for what is learned: that is left out.
@@ -148,11 +148,11 @@ class LobeFilter:
         turned = 0.0 if deflection.along is not None else float(_two(deflection.value) @ axes[1]) / across
         return Surprise(expected_um=abs(value), off=(higher_um / along, turned), sd_um=(along, across))
 
-    def felt(self, deflection: Seen) -> LobeFilter:
+    def update_by_fingerprint(self, deflection: MeasuredCoefficient) -> LobeFilter:
         """Return the filter with the fingerprint of the clamping."""
-        return self._updated(deflection, self.covariance, self._shown_by_indicator)
+        return self._update_state(deflection, self.covariance, self._shown_by_indicator)
 
-    def measured(self, plain: Seen, path_um: complex = 0j) -> LobeFilter:
+    def update_by_part(self, plain: MeasuredCoefficient, path_um: complex = 0j) -> LobeFilter:
         """Return the filter with the released part: the lobe that it has, and `path_um`, its path, together."""
         value, slope = self._shown_by_part(self.mean, path_um)
         expected = slope @ self.covariance @ slope.T + plain.sd_um**2 * np.eye(2)
@@ -160,7 +160,7 @@ class LobeFilter:
         if float(error @ np.linalg.solve(expected, error)) > SURPRISE:
             covariance = covariance.copy()
             covariance[:2, :2] += np.eye(2) * float(error @ error)
-        return self._updated(plain, covariance, lambda state: self._shown_by_part(state, path_um))
+        return self._update_state(plain, covariance, lambda state: self._shown_by_part(state, path_um))
 
     def _slope_of_part(self, state: Floats, path_um: complex) -> Floats:
         k, (re, im, _, _, s, _) = self.scale.at_speed, state
@@ -182,7 +182,9 @@ class LobeFilter:
         by = (gain * (1.0 + s), 1j * gain * (1.0 + s), value, 1j * value, gain * lobe, 0j)
         return value, floats([[each.real for each in by], [each.imag for each in by]])
 
-    def _updated(self, seen: Seen, known: Floats, shown: Callable[[Floats], tuple[complex, Floats]]) -> LobeFilter:
+    def _update_state(
+        self, seen: MeasuredCoefficient, known: Floats, shown: Callable[[Floats], tuple[complex, Floats]]
+    ) -> LobeFilter:
         """Return the filter after an observation, before which the covariance was `known`.
 
         It is iterated, each time with the slope where it has arrived.

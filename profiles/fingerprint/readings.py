@@ -78,13 +78,13 @@ def read_readings(path: Path) -> ClampReadings:
 def parse_readings(content: bytes, where: str = "") -> ClampReadings:
     """Parse the bytes of a file; `where` names it in the problems."""
     text = text_of(content, where, "clamping.not_text").replace("\r\n", "\n").replace("\r", "\n")
-    reader = _Reader(where)
+    reader = _ReadingsReader(where)
     for number, line in enumerate(text.split("\n"), start=1):
         if line.strip():
             reader.take(number, line)
         if len(reader.problems) >= _PROBLEM_CAP:
             break
-    return reader.finished()
+    return reader.to_readings()
 
 
 def readings_text(readings: ClampReadings, note: str = "") -> str:
@@ -98,20 +98,20 @@ def readings_text(readings: ClampReadings, note: str = "") -> str:
     }
     for key in _NUMBERS:
         value = getattr(readings, key)
-        meta |= {} if value is None else {key: _plain(value)}
+        meta |= {} if value is None else {key: _format_number(value)}
     meta |= ({"simulated": "yes"} if readings.simulated else {}) | ({"note": note} if note else {})
     rows = zip(readings.angle_deg, readings.finger_um, readings.full_um, strict=True)
     lines = [f"# {key}: {value}" for key, value in meta.items()]
-    lines += [",".join(COLUMNS), *(",".join(_plain(cell) for cell in row) for row in rows)]
+    lines += [",".join(COLUMNS), *(",".join(_format_number(cell) for cell in row) for row in rows)]
     return "\n".join(lines) + "\n"
 
 
-def _plain(value: float) -> str:
+def _format_number(value: float) -> str:
     """Return a number as a file has it: six decimals at most, and no exponent."""
     return f"{round(value, 6) + 0.0:.6f}".rstrip("0").rstrip(".")
 
 
-class _Reader:
+class _ReadingsReader:
     """Reads the lines of one file in turn, and collects what is wrong in them."""
 
     def __init__(self, where: str) -> None:
@@ -134,7 +134,7 @@ class _Reader:
         else:
             self._take_row(number, line)
 
-    def finished(self) -> ClampReadings:
+    def to_readings(self) -> ClampReadings:
         missing = [key for key in _CHOICES if key not in self._meta and key not in self._said]
         if missing:
             limit = "; ".join(f"# {key}: {' | '.join(_CHOICES[key])}" for key in missing)

@@ -20,12 +20,12 @@ from profiles.compensations.learning import SIGNIFICANT, SURE, coefficient_of
 from profiles.compensations.optimal_gain import PRIOR_OTHERS_UM, PROCESS_LOSS_SD
 from profiles.compensations.path import CutPath
 from profiles.fingerprint.deflection import ONCE, OVAL, Deflection, deflection_of
-from profiles.fingerprint.lobe_filter import ClampingScale, LobeFilter, Seen, lobe_filter
+from profiles.fingerprint.lobe_filter import ClampingScale, LobeFilter, MeasuredCoefficient, lobe_filter
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.materials import material_or_none
-from profiles.problem import Problem, refused
+from profiles.problem import Problem, refusal_error
 
 FINGER_FRACTION = 0.05  # of the full force that finger-tight has, where nobody has stated it; assumed
 FINGER_SD = 0.01  # with which it repeats, over the full force; assumed
@@ -34,25 +34,25 @@ MOST_DEVIATION = 0.5  # of a force from that of the job: beyond that it is anoth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Felt:
+class ClampingFingerprint:
     """The fingerprint of one clamping: `seen` as the lobe that all of its force at rest would make, um.
 
     `others` are the further orders that the jaws make, the same way.
     """
 
-    seen: Seen
+    seen: MeasuredCoefficient
     deflection: Deflection
-    others: Mapping[int, Seen]
+    others: Mapping[int, MeasuredCoefficient]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Clamped:
+class ClampingCorrection:
     """What a fingerprint makes of a path: orders are `added_um`, then the lobe becomes `ratio` times itself.
 
     `force_deviation` is by which fraction this clamping pulls more than the job says, `lobe_um` the lobe of this
     part with `sd_um`, the standard deviation of its amplitude. `weight` is the fraction of what was not known of
-    that amplitude, as a variance, that the indicator has removed. `felt` is what it has shown, `warnings`
-    why that is hard to believe.
+    that amplitude, as a variance, that the indicator has removed. `evaluate_readings` is what it has shown,
+    `warnings` why that is hard to believe.
     """
 
     ratio: complex
@@ -61,7 +61,7 @@ class Clamped:
     lobe_um: complex
     sd_um: float
     weight: float
-    felt: Seen
+    felt: MeasuredCoefficient
     warnings: tuple[Problem, ...] = ()
 
 
@@ -72,7 +72,7 @@ def clamping_scale(job: Job, machine: MachineProfile) -> ClampingScale:
     """
     force_n, loss_n = job.chucking_force_n, centrifugal_loss_n(job, machine)
     if loss_n >= force_n:
-        raise refused("clamping.no_grip", value=f"{force_n:.0f} N", limit=f"> {loss_n:.0f} N")
+        raise refusal_error("clamping.no_grip", value=f"{force_n:.0f} N", limit=f"> {loss_n:.0f} N")
     at_speed = force_n / (force_n - loss_n)
     return ClampingScale(at_speed=at_speed, at_rest=at_speed, sd=holding_of(machine).force_sd_fraction)
 
@@ -93,7 +93,7 @@ def known_lobe(
     )
 
 
-def felt(readings: ClampReadings, job: Job) -> Felt:
+def evaluate_readings(readings: ClampReadings, job: Job) -> ClampingFingerprint:
     """Return what readings say of the lobe of a job; it has jaw 1 where it is.
 
     Raises `ProfileError`: the places do not show the lobe; `clamping.finger_force`, finger-tight was no less.
@@ -103,15 +103,17 @@ def felt(readings: ClampReadings, job: Job) -> Felt:
         finger = readings.finger_force_n / job.chucking_force_n
         if finger >= MOST_DEVIATION:
             value, limit = f"{readings.finger_force_n:g} N", f"< {MOST_DEVIATION * job.chucking_force_n:.0f} N"
-            raise refused("clamping.finger_force", value=value, limit=limit)
+            raise refusal_error("clamping.finger_force", value=value, limit=limit)
     shown = deflection_of(readings, job)
     blank = (1.0 - finger) * blank_over_part(job)  # over the lobe that all of the force at rest would make
     found = {
-        n: Seen(value=c / blank, sd_um=math.hypot(shown.sd_um[n] / blank, FINGER_SD * abs(c / blank)))
+        n: MeasuredCoefficient(
+            value=c / blank, sd_um=math.hypot(shown.sd_um[n] / blank, FINGER_SD * abs(c / blank))
+        )
         for n, c in shown.coefficients_um.items()
     }
     seen = found.pop(job.jaws)
-    return Felt(
+    return ClampingFingerprint(
         seen=replace(seen, along=seen.value if shown.upright else None),
         deflection=shown,
         others={n: each for n, each in found.items() if n != ONCE},
@@ -134,7 +136,9 @@ def blank_over_part(job: Job) -> float:
     return bent[0] / bent[1]
 
 
-def clamped_by(before: LobeFilter, found: Felt, path: CutPath, lobes: int) -> tuple[LobeFilter, Clamped]:
+def clamped_by(
+    before: LobeFilter, found: ClampingFingerprint, path: CutPath, lobes: int
+) -> tuple[LobeFilter, ClampingCorrection]:
     """Return the filter with a fingerprint, and what becomes of a path.
 
     Orders of the jaws that no part has taught yet are those of the fingerprint.
@@ -142,10 +146,10 @@ def clamped_by(before: LobeFilter, found: Felt, path: CutPath, lobes: int) -> tu
     """
     mean_um, at_rest = before.lobe_um, before.scale.at_rest
     _refuse_unlike(found.seen.value / (at_rest * mean_um) if mean_um else 1.0 + 0j, lobes)
-    after = before.felt(found.seen)
+    after = before.update_by_fingerprint(found.seen)
     ratio = after.this_um / mean_um if mean_um else 1.0 + 0j
     variance = before.sd_um**2
-    return after, Clamped(
+    return after, ClampingCorrection(
         ratio=ratio,
         added_um={
             n: _shown_um(each) / at_rest / ratio_of(n, lobes, ratio)
@@ -157,11 +161,11 @@ def clamped_by(before: LobeFilter, found: Felt, path: CutPath, lobes: int) -> tu
         sd_um=after.sd_um,
         weight=1.0 - after.sd_um**2 / variance if variance else 0.0,
         felt=found.seen,
-        warnings=unexpected(before, found, lobes),
+        warnings=warn_of_surprise(before, found, lobes),
     )
 
 
-def unexpected(before: LobeFilter, found: Felt, lobes: int) -> tuple[Problem, ...]:
+def warn_of_surprise(before: LobeFilter, found: ClampingFingerprint, lobes: int) -> tuple[Problem, ...]:
     """Return a warning where a fingerprint is further from what was known before than chance explains."""
     if not before.lobe_um or not found.seen.value:
         return ()
@@ -183,10 +187,10 @@ def unexpected(before: LobeFilter, found: Felt, lobes: int) -> tuple[Problem, ..
 def _refuse_unlike(shown: complex, lobes: int) -> None:
     if abs(shown - 1.0) > MOST_DEVIATION:
         key, value = f"{math.degrees(abs(cmath.phase(shown))) / lobes:.0f} deg", f"{abs(shown):.2f}"
-        raise refused("clamping.not_like", key=key, value=value, limit=f"{MOST_DEVIATION:g}")
+        raise refusal_error("clamping.not_like", key=key, value=value, limit=f"{MOST_DEVIATION:g}")
 
 
-def _shown_um(seen: Seen) -> complex:
+def _shown_um(seen: MeasuredCoefficient) -> complex:
     """Return an order as it is most likely, of which little was known: 0 within the noise."""
     if abs(seen.value) <= SIGNIFICANT * seen.sd_um:
         return 0j

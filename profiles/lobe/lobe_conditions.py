@@ -115,7 +115,7 @@ def _springs_back_alike(one: str, other: str) -> bool:
     return (found.youngs_modulus_gpa, found.poisson) == (then.youngs_modulus_gpa, then.poisson)
 
 
-def unstated(job: Job) -> tuple[str, ...]:
+def find_missing_conditions(job: Job) -> tuple[str, ...]:
     """Return the keys of the calibration cut that are missing in a job whose error was found on a part."""
     if not found_on_a_part(job):
         return ()
@@ -124,7 +124,7 @@ def unstated(job: Job) -> tuple[str, ...]:
 
 def lobe_unstated(job: Job) -> tuple[Problem, ...]:
     """Return `rule.lobe_unstated` where this cut cannot be compared with the measured one."""
-    if not (missing := unstated(job)):
+    if not (missing := find_missing_conditions(job)):
         return ()
     source = job.lobe_error_source
     return (Problem(code="rule.lobe_unstated", key="lobe_error_source", value=source, limit=", ".join(missing)),)

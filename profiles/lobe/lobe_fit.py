@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike
 from profiles.arrays import Floats, floats
 from profiles.least_squares import CONFIDENCE, Fit, fit, harmonic_columns, harmonic_slice, huber_distances, student
 from profiles.metrology.noise_spectrum import NoiseSpectrum, noise_spectrum
-from profiles.problem import refused
+from profiles.problem import refusal_error
 
 HIGHEST_ORDER = 500  # undulations per revolution above which no harmonic is declared
 _WORST_CONDITION = 100.0  # above this ratio of singular values these angles cannot separate the harmonics
@@ -133,7 +133,7 @@ def fit_lobe(
     `lobe_fit.dependent`, angles that cannot separate the harmonics.
     """
     orders = _orders(jaws, extra)
-    angle, deviation, root_weight = _checked(angle_deg, deviation_um, sigma_um)
+    angle, deviation, root_weight = _check_samples(angle_deg, deviation_um, sigma_um)
     _refuse_thin(angle, jaws, orders)
     design = harmonic_columns(np.radians(angle), orders)
     kept = np.ones(angle.size, dtype=bool)
@@ -145,7 +145,7 @@ def fit_lobe(
     found = fit(design, deviation, root_weight)
     if found.condition > _WORST_CONDITION:
         value = ", ".join(str(n) for n in orders)
-        raise refused("lobe_fit.dependent", value=value, limit=f"{_WORST_CONDITION:g}")
+        raise refusal_error("lobe_fit.dependent", value=value, limit=f"{_WORST_CONDITION:g}")
     beta = found.coefficients
     noise = noise_spectrum(angle, root_weight * found.residuals, orders, beta.size)
     of_turns = _turns(angle, deviation, design, root_weight)
@@ -167,16 +167,16 @@ def fit_lobe(
 
 def _orders(jaws: int, extra: Iterable[int]) -> tuple[int, ...]:
     if jaws < 2:
-        raise refused("lobe_fit.order", key="jaws", value=str(jaws), limit=">= 2")
+        raise refusal_error("lobe_fit.order", key="jaws", value=str(jaws), limit=">= 2")
     declared = tuple(extra)
     for n in declared:
         if not 1 <= n <= HIGHEST_ORDER:
             limit = f"1 … {HIGHEST_ORDER}"
-            raise refused("lobe_fit.order", key="extra", value=str(n), limit=limit)
+            raise refusal_error("lobe_fit.order", key="extra", value=str(n), limit=limit)
     return tuple(sorted({1, 2, jaws, 2 * jaws, 3 * jaws, *declared}))
 
 
-def _checked(
+def _check_samples(
     angle_deg: ArrayLike, deviation_um: ArrayLike, sigma_um: ArrayLike | None
 ) -> tuple[Floats, Floats, Floats]:
     """Return angles, deviations and the square roots of the weights, whose squares have the mean 1."""
@@ -185,13 +185,13 @@ def _checked(
     sigma = floats(1.0 if sigma_um is None else sigma_um)
     if angle.ndim != 1 or angle.shape != deviation.shape or sigma.shape not in ((), angle.shape):
         value = f"{angle.shape} {deviation.shape} {sigma.shape}"
-        raise refused("trace.columns", value=value, limit="(M,) (M,)")
+        raise refusal_error("trace.columns", value=value, limit="(M,) (M,)")
     for key, column in (("angle_deg", angle), ("deviation_um", deviation), ("sigma_um", sigma)):
         if not np.isfinite(column).all():
             value = str(column[~np.isfinite(column)].flat[0])
-            raise refused("trace.not_finite", key=key, value=value)
+            raise refusal_error("trace.not_finite", key=key, value=value)
     if (sigma <= 0).any():
-        raise refused("lobe_fit.sigma", value=f"{sigma.min():g} um", limit="> 0 um")
+        raise refusal_error("lobe_fit.sigma", value=f"{sigma.min():g} um", limit="> 0 um")
     weight = np.broadcast_to(1 / sigma**2, angle.shape)
     return angle, deviation, np.sqrt(weight / weight.mean()) if angle.size else weight
 
@@ -201,11 +201,13 @@ def _refuse_thin(angle: Floats, jaws: int, orders: tuple[int, ...]) -> None:
     places = np.unique(np.round(angle % 360.0, 6) % 360.0)
     needed = 2 * max(orders) + 1
     if places.size < needed:
-        raise refused("trace.few_points", value=str(places.size), limit=f">= {needed}")
+        raise refusal_error("trace.few_points", value=str(places.size), limit=f">= {needed}")
     gap_deg = float(np.diff(places, append=places[0] + 360.0).max())
     most_deg = 180.0 / jaws
     if gap_deg > most_deg + _GAP_TOLERANCE_DEG:
-        raise refused("trace.narrow_angles", key="angle_deg", value=f"{gap_deg:g} deg", limit=f"{most_deg:g} deg")
+        raise refusal_error(
+            "trace.narrow_angles", key="angle_deg", value=f"{gap_deg:g} deg", limit=f"{most_deg:g} deg"
+        )
 
 
 def _turns(angle: Floats, deviation: Floats, design: Floats, root_weight: Floats) -> list[Floats]:
@@ -225,7 +227,7 @@ def _covariances(
 ) -> dict[int, list[tuple[Floats, float]]]:
     """Return, by order, the covariances of all coefficients with their degrees of freedom."""
     by_turns = [(np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0)] if len(of_turns) > 1 else []
-    at = {n: noise.at(n) for n in orders}
+    at = {n: noise.variance_at(n) for n in orders}
     return {n: [(variance * found.cofactors, freedom), *by_turns] for n, (variance, freedom) in at.items()}
 
 
@@ -270,7 +272,7 @@ def _most_left(noise: NoiseSpectrum, orders: tuple[int, ...], root_weight: Float
     for n, power in enumerate(noise.powers[:_HIGHEST_LEFT], start=1):
         if n not in orders:
             size_um = 2.0 * math.sqrt(float(power) * root_weight.size) / float(root_weight.sum())
-            found.append((n, size_um, _floor_um(noise.at(n)[0], root_weight.size)))
+            found.append((n, size_um, _floor_um(noise.variance_at(n)[0], root_weight.size)))
     return max(found, key=lambda each: each[1] / each[2] if each[2] else 0.0)
 
 

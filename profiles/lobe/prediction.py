@@ -21,12 +21,12 @@ from profiles.chucking.diagnosis import Mechanism
 from profiles.chucking.grip import centrifugal_loss_n
 from profiles.chucking.held_part import held_part
 from profiles.cutting_process import CuttingProcess, cutting_process, process_findings
-from profiles.findings import Finding, Severity, judged, refusals
+from profiles.findings import Finding, Severity, judge_condition, refusals
 from profiles.job import Job
 from profiles.lobe.cut_error import CutError, LobeScale, cut_error, lobe_change_um, lobe_scale, scaled_cut
 from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.machine import MachineProfile
-from profiles.problem import Problem, ProfileError, refused
+from profiles.problem import Problem, ProfileError, refusal_error
 from profiles.rules import IMPOSSIBLE, check
 
 Z_PLACES, ANGLES, STOCK_STEPS = 7, 360, 6
@@ -133,7 +133,7 @@ def _second_pass(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
         return ()
     value, limit = f"{change_um:+.3g} um", f"± {most_um:.6g} um"
     problem = Problem(code="rule.second_pass", key="depth_of_cut_mm", value=value, limit=limit)
-    return (judged(abs(change_um) <= most_um, problem, Severity.WARNING),)
+    return (judge_condition(abs(change_um) <= most_um, problem, Severity.WARNING),)
 
 
 def _places(job: Job, z_mm: ArrayLike | None) -> Floats:
@@ -142,5 +142,5 @@ def _places(job: Job, z_mm: ArrayLike | None) -> Floats:
     z = read_only(np.atleast_1d(floats(z_mm)))
     for each in z[~((z >= 0) & (z <= job.overhang_mm))][:1]:
         limit = f">= 0, <= {job.overhang_mm:.6g} mm"
-        raise refused("value.out_of_range", key="z_mm", value=f"{each:.6g} mm", limit=limit)
+        raise refusal_error("value.out_of_range", key="z_mm", value=f"{each:.6g} mm", limit=limit)
     return z

@@ -27,8 +27,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from profiles.arrays import Floats, floats
-from profiles.metrology.points import HANDFUL, LARGEST_GAP_DEG, angle_weights, checked, largest_gap_deg, narrow
-from profiles.problem import ProfileError, refused
+from profiles.metrology.points import (
+    HANDFUL,
+    LARGEST_GAP_DEG,
+    angle_weights,
+    check_points,
+    largest_gap_deg,
+    narrow,
+)
+from profiles.problem import ProfileError, refusal_error
 
 LEAST_SQUARES = "LSC"
 MINIMUM_ZONE = "MZC"
@@ -51,7 +58,7 @@ _LEVEL = 1e-13  # difference of two deviations, as a fraction of the peak to pea
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Contact:
+class ContactPoint:
     """A contact point of a circle: its index in the trace, and whether the circle touches it from outside."""
 
     index: int
@@ -77,7 +84,7 @@ class ReferenceCircle:
     ronp_um: float
     ronv_um: float
     ronq_um: float
-    contacts: tuple[Contact, ...] = ()
+    contacts: tuple[ContactPoint, ...] = ()
 
 
 def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> ReferenceCircle:
@@ -87,7 +94,7 @@ def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> 
     MIC the largest R with none inside. Of several equally good centres it is the one with the least RONt, then the
     one nearest to that of least squares. Raises as `profiles.metrology.points.checked`.
     """
-    return seen_circle(kind, *checked(angle_deg, deviation_um))
+    return seen_circle(kind, *check_points(angle_deg, deviation_um))
 
 
 def seen_circle(kind: str, angle: Floats, deviation: Floats) -> ReferenceCircle:
@@ -105,7 +112,7 @@ def seen_circle(kind: str, angle: Floats, deviation: Floats) -> ReferenceCircle:
     mean_um, x_um, y_um = _least_squares(direction, deviation, weights)
     # Only the residuals of least squares go into the programme: small numbers lose no digits.
     left = deviation - mean_um - x_um * cosine - y_um * sine
-    contacts: tuple[Contact, ...] = ()
+    contacts: tuple[ContactPoint, ...] = ()
     if kind != LEAST_SQUARES:
         dx_um, dy_um, contacts = _extreme(kind, angle, direction, left)
         left = left - dx_um * cosine - dy_um * sine
@@ -160,7 +167,7 @@ class Optimum:
     prices: Floats
 
 
-def exchanged(
+def exchange_basis(
     columns: Floats,
     gains: Floats,
     rhs: Floats,
@@ -196,13 +203,15 @@ def exchanged(
         leaving = tied[np.argmin(basis[tied])] if careful else tied[np.argmax(direction[tied])]
         basis[leaving] = entering
         careful = step <= _NO_STEP
-    raise refused("trace.no_circle", value=f"{_MOST_EXCHANGES}", limit="0")
+    raise refusal_error("trace.no_circle", value=f"{_MOST_EXCHANGES}", limit="0")
 
 
-def settled(columns: Floats, gains: Floats, prices: Floats, held: NDArray[np.intp], *, one_sided: bool) -> Floats:
+def settle_prices(
+    columns: Floats, gains: Floats, prices: Floats, held: NDArray[np.intp], *, one_sided: bool
+) -> Floats:
     """Return the prices of the position chosen among all optima; the given ones where there is no other.
 
-    `columns` (m, n), `gains` (n,) and `prices` (m,) are those of `exchanged`: columns^T
+    `columns` (m, n), `gains` (n,) and `prices` (m,) are those of `exchange_basis`: columns^T
     prices >= gains, and the last two prices are the centre from that of least squares. `held` are the contacts
     with a weight. `one_sided` is a circumscribed or inscribed circle, whose RONt depends on the position.
     Several heights at one angle may let a zone slide in two directions; it then stays where it is.
@@ -212,7 +221,7 @@ def settled(columns: Floats, gains: Floats, prices: Floats, held: NDArray[np.int
         return prices
     along = np.linalg.svd(columns[:, held].T)[2][-1]
     slack, rates = np.maximum(columns.T @ prices - gains, 0.0), columns.T @ along
-    low, high = _allowed(slack, rates, -np.inf, np.inf)
+    low, high = _allowed_range(slack, rates, -np.inf, np.inf)
     nearest = -float(prices[-2:] @ along[-2:]) / float(along[-2:] @ along[-2:])
     if one_sided:
         across, start = columns[1:].T @ along[1:], columns[1:].T @ prices[1:]
@@ -228,7 +237,7 @@ def _held_by_three(low: float, high: float, nearest: float, least: tuple[float, 
     return (low, low) if further >= 0.0 else (high, high)
 
 
-def _allowed(slack: Floats, rates: Floats, low: float, high: float) -> tuple[float, float]:
+def _allowed_range(slack: Floats, rates: Floats, low: float, high: float) -> tuple[float, float]:
     """Return the part of [low, high] where slack + rates t >= 0 everywhere."""
     rising, falling = rates > _KEEPS_DISTANCE, rates < -_KEEPS_DISTANCE
     low = max(low, float(np.max(-slack[rising] / rates[rising], initial=-np.inf)))
@@ -254,12 +263,12 @@ def _lowest(heights: Floats, slopes: Floats, low: float, high: float) -> tuple[f
         if level <= heights[first] + slopes[first] * place + _LEVEL:
             break
         first, last = (top, last) if slopes[top] < 0.0 else (first, top)
-    return _allowed(level + _LEVEL - heights, -slopes, low, high)
+    return _allowed_range(level + _LEVEL - heights, -slopes, low, high)
 
 
 def _extreme(
     kind: str, angle_deg: Floats, direction: Floats, left_um: Floats
-) -> tuple[float, float, tuple[Contact, ...]]:
+) -> tuple[float, float, tuple[ContactPoint, ...]]:
     """Return the shift of the centre in x and y, and the contacts of the circle; `direction` is (2, M)."""
     span_um = float(np.ptp(left_um))
     if span_um == 0.0:
@@ -286,13 +295,13 @@ def _extreme(
         # Inner contacts are the same points from the other side: prices[0] + prices[1] is the width of the zone.
         return over if sides == 1 else np.concatenate((over, -over - (prices[0] + prices[1])))
 
-    optimum = exchanged(columns, gains, rhs, basis, tolerance=_OUTSIDE, excess_of=excess_of)
+    optimum = exchange_basis(columns, gains, rhs, basis, tolerance=_OUTSIDE, excess_of=excess_of)
     touching = optimum.basis[optimum.weights > _WEIGHTLESS]
-    place = settled(columns, gains, optimum.prices, touching, one_sided=kind != MINIMUM_ZONE)
+    place = settle_prices(columns, gains, optimum.prices, touching, one_sided=kind != MINIMUM_ZONE)
     x, y = place[-2:] * (-span_um if kind == MAXIMUM_INSCRIBED else span_um)
     outer = touching < size if kind == MINIMUM_ZONE else np.full(touching.size, kind == MINIMUM_CIRCUMSCRIBED)
     found = [
-        Contact(index=int(i), angle_deg=float(angle_deg[i]), outer=bool(o))
+        ContactPoint(index=int(i), angle_deg=float(angle_deg[i]), outer=bool(o))
         for i, o in zip(touching % size, outer, strict=True)
     ]
     return float(x), float(y), tuple(sorted(found, key=lambda contact: contact.angle_deg % 360.0))

@@ -30,12 +30,12 @@ from profiles.metrology.circles import (
     LEAST_SQUARES,
     MAXIMUM_INSCRIBED,
     MINIMUM_CIRCUMSCRIBED,
-    Contact,
+    ContactPoint,
     ReferenceCircle,
     limacon_circle,
     seen_circle,
 )
-from profiles.metrology.points import angle_weights, checked
+from profiles.metrology.points import angle_weights, check_points
 from profiles.problem import ProfileError
 
 _MOST_STEPS = 50
@@ -55,12 +55,12 @@ def geometric_circle(
     """
     x, y = floats(x_um), floats(y_um)
     first = (0.5 * float(x.max() + x.min()), 0.5 * float(y.max() + y.min())) if start is None else start
-    checked(*polar(x, y, first))
+    check_points(*polar(x, y, first))
     if kind == MINIMUM_CIRCUMSCRIBED:
-        return _circumscribed(x, y)
+        return _minimum_circumscribed_circle(x, y)
     if kind != MAXIMUM_INSCRIBED:
-        return _descended(kind, x, y, first)
-    return _inscribed(x, y, _descended(LEAST_SQUARES, x, y, first))
+        return _descend_to_circle(kind, x, y, first)
+    return _maximum_inscribed_circle(x, y, _descend_to_circle(LEAST_SQUARES, x, y, first))
 
 
 def polar(x_um: Floats, y_um: Floats, centre: tuple[float, float]) -> tuple[Floats, Floats]:
@@ -81,11 +81,11 @@ def circles_about_axis(
     return tuple(replace(circle, deviation_um=circle.deviation_um - radius_um) for circle in found)
 
 
-def _circumscribed(x: Floats, y: Floats) -> ReferenceCircle:
+def _minimum_circumscribed_circle(x: Floats, y: Floats) -> ReferenceCircle:
     centre, touching = smallest_enclosing(x, y)
     angle, distance = polar(x, y, centre)
     radius_um, lowest_um = float(distance.max()), float(distance.min())
-    found = [Contact(index=i, angle_deg=float(angle[i]), outer=True) for i in touching]
+    found = [ContactPoint(index=i, angle_deg=float(angle[i]), outer=True) for i in touching]
     return ReferenceCircle(
         kind=MINIMUM_CIRCUMSCRIBED,
         centre_x_um=centre[0],
@@ -99,7 +99,7 @@ def _circumscribed(x: Floats, y: Floats) -> ReferenceCircle:
     )
 
 
-def _inscribed(x: Floats, y: Floats, middle: ReferenceCircle) -> ReferenceCircle:
+def _maximum_inscribed_circle(x: Floats, y: Floats, middle: ReferenceCircle) -> ReferenceCircle:
     """Return the largest inscribed circle; `middle` is that of least squares."""
     centre = (middle.centre_x_um, middle.centre_y_um)
     angle, distance = polar(x, y, centre)
@@ -110,15 +110,15 @@ def _inscribed(x: Floats, y: Floats, middle: ReferenceCircle) -> ReferenceCircle
     for each in starts:
         # A position near the edge of the part, or outside, sees gaps that the data do not have: not a start.
         with suppress(ProfileError):
-            found.append(_descended(MAXIMUM_INSCRIBED, x, y, each))
+            found.append(_descend_to_circle(MAXIMUM_INSCRIBED, x, y, each))
     if not found:
-        return _descended(MAXIMUM_INSCRIBED, x, y, centre)  # reports why
+        return _descend_to_circle(MAXIMUM_INSCRIBED, x, y, centre)  # reports why
     largest_um = max(circle.deviation_um for circle in found)
     return min((c for c in found if c.deviation_um >= largest_um - SAME_UM), key=lambda circle: circle.ront_um)
 
 
-def _descended(kind: str, x: Floats, y: Floats, start: tuple[float, float]) -> ReferenceCircle:
-    circle = _moved(seen_circle(kind, *polar(x, y, start)), start)
+def _descend_to_circle(kind: str, x: Floats, y: Floats, start: tuple[float, float]) -> ReferenceCircle:
+    circle = _move_circle(seen_circle(kind, *polar(x, y, start)), start)
     centre, reached = start, math.inf
     for _ in range(_MOST_STEPS):
         step = (circle.centre_x_um - centre[0], circle.centre_y_um - centre[1])
@@ -127,7 +127,7 @@ def _descended(kind: str, x: Floats, y: Floats, start: tuple[float, float]) -> R
         # Whole steps: points weigh by their angle about the centre, so that no sum has to drop.
         if kind == LEAST_SQUARES:
             centre = (circle.centre_x_um, circle.centre_y_um)
-            circle = _moved(seen_circle(kind, *polar(x, y, centre)), centre)
+            circle = _move_circle(seen_circle(kind, *polar(x, y, centre)), centre)
             continue
         fractions = (0.5**k for k in range(_MOST_HALVINGS))
         tried = ((centre[0] + fraction * step[0], centre[1] + fraction * step[1]) for fraction in fractions)
@@ -136,11 +136,11 @@ def _descended(kind: str, x: Floats, y: Floats, start: tuple[float, float]) -> R
         if value >= reached:
             break
         reached, centre = value, place
-        circle = _moved(seen_circle(kind, *polar(x, y, centre)), centre)
+        circle = _move_circle(seen_circle(kind, *polar(x, y, centre)), centre)
     return circle
 
 
-def _moved(circle: ReferenceCircle, origin: tuple[float, float]) -> ReferenceCircle:
+def _move_circle(circle: ReferenceCircle, origin: tuple[float, float]) -> ReferenceCircle:
     return replace(circle, centre_x_um=circle.centre_x_um + origin[0], centre_y_um=circle.centre_y_um + origin[1])
 
 

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from profiles.arrays import Floats
 from profiles.least_squares import Fit, fit, harmonic_columns, huber_distances, phasors
-from profiles.metrology.points import HANDFUL, angle_weights, checked, equally_spaced, largest_gap
-from profiles.problem import refused
+from profiles.metrology.points import HANDFUL, angle_weights, check_points, equally_spaced, largest_gap
+from profiles.problem import refusal_error
 
 HIGHEST_HARMONIC = 15
 # Above this ratio of singular values the angles leave a gap in which harmonics cannot be separated.
@@ -91,7 +91,7 @@ def suspects(angle_deg: Floats, deviation_um: Floats) -> NDArray[np.bool_]:
     found = huber_distances(columns, deviation_um, np.ones_like(deviation_um), least_um, _SETTLED) > FAR_SIGMA
     if found.mean() > LARGEST_FRACTION:
         value, limit = f"{100 * found.mean():.0f} %", f"<= {100 * LARGEST_FRACTION:g} %"
-        raise refused("trace.outliers", value=value, limit=limit)
+        raise refusal_error("trace.outliers", value=value, limit=limit)
     return found
 
 
@@ -122,7 +122,7 @@ def features(
     opened = np.roll(places, -(ends[-1] + 1)) if ends.size else places
     runs = np.split(opened, np.flatnonzero(np.mod(np.diff(opened), order.size) > 2) + 1)
     clean = ~suspect
-    sound_um = between(angle_deg[clean], deviation_um[clean], angle_deg)
+    sound_um = interpolate_profile(angle_deg[clean], deviation_um[clean], angle_deg)
     found = {}
     for run in (order[each] for each in runs):
         first, last = (float(angle_deg[run[end]]) for end in (0, -1))
@@ -139,7 +139,9 @@ _HEAVIEST = 4.0  # most weight of a point in their fit: those at the edges of a 
 _WIDER = 1.5  # steps of the median one that make a gap: a point is missing
 
 
-def between(angle_deg: Floats, profile_um: Floats, target_deg: Floats, highest: int = HIGHEST_HARMONIC) -> Floats:
+def interpolate_profile(
+    angle_deg: Floats, profile_um: Floats, target_deg: Floats, highest: int = HIGHEST_HARMONIC
+) -> Floats:
     """Return a closed profile at other angles, by undulations up to `highest` at most; shape as `target_deg`.
 
     Points at one angle count as their mean.
@@ -176,7 +178,7 @@ def at_equal_angles(angle_deg: Floats, profile_um: Floats) -> tuple[Floats, Floa
     size, step_deg = angle_deg.size, largest_gap(angle_deg)[2]
     count = max(size, min(round(360.0 / max(step_deg, 1e-9)), 2 * size))
     target = np.mod(angle_deg[0] + np.arange(count) * (360.0 / count), 360.0)
-    return target, between(angle_deg, profile_um, target)
+    return target, interpolate_profile(angle_deg, profile_um, target)
 
 
 def has_gap(angle_deg: Floats, widest_deg: float) -> bool:
@@ -185,7 +187,7 @@ def has_gap(angle_deg: Floats, widest_deg: float) -> bool:
     return angle_deg.size >= HANDFUL and gap_deg > max(widest_deg, _WIDER * step_deg)
 
 
-def bridged(angle_deg: Floats, profile_um: Floats, widest_deg: float) -> tuple[Floats, Floats]:
+def bridge_gaps(angle_deg: Floats, profile_um: Floats, widest_deg: float) -> tuple[Floats, Floats]:
     """Return the points of a profile, followed by interpolated ones in its gaps, a third of `widest_deg` apart."""
     turned = np.sort(np.mod(angle_deg, 360.0))
     gaps = np.diff(turned, append=turned[0] + 360.0)
@@ -194,7 +196,9 @@ def bridged(angle_deg: Floats, profile_um: Floats, widest_deg: float) -> tuple[F
     counts = np.ceil(gaps[wide] / max(step_deg, widest_deg / 3.0) - _ROUNDING).astype(int)
     pieces = zip(turned[wide], gaps[wide], counts, strict=True)
     added = np.concatenate([first + gap * np.arange(1, count) / count for first, gap, count in pieces])
-    return np.append(angle_deg, np.mod(added, 360.0)), np.append(profile_um, between(angle_deg, profile_um, added))
+    return np.append(angle_deg, np.mod(added, 360.0)), np.append(
+        profile_um, interpolate_profile(angle_deg, profile_um, added)
+    )
 
 
 def spectrum_um_pp(angle_deg: ArrayLike, profile_um: ArrayLike) -> Floats:
@@ -203,7 +207,7 @@ def spectrum_um_pp(angle_deg: ArrayLike, profile_um: ArrayLike) -> Floats:
     M points at equal angles, in any order; an empty array for unequal ones, whose orders are not separate.
     Raises as `profiles.metrology.points.checked`.
     """
-    angle, profile = checked(angle_deg, profile_um)
+    angle, profile = check_points(angle_deg, profile_um)
     if not equally_spaced(angle):
         return np.zeros(0)
     amplitude = 2.0 / profile.size * np.abs(np.fft.rfft(profile[np.argsort(np.mod(angle, 360.0), kind="stable")]))
@@ -219,10 +223,10 @@ def v_block_factor(lobes: int, included_deg: float) -> float:
     Raises `ProfileError`: `value.out_of_range`, fewer than 2 lobes, or an angle outside of 0 to 180 deg.
     """
     if lobes < 2:
-        raise refused("value.out_of_range", key="lobes", value=str(lobes), limit=">= 2")
+        raise refusal_error("value.out_of_range", key="lobes", value=str(lobes), limit=">= 2")
     if not 0.0 < included_deg <= TWO_POINT_DEG:
         value, limit = f"{included_deg:g}", "> 0, < 180 deg"
-        raise refused("value.out_of_range", key="vblock", value=value, limit=limit)
+        raise refusal_error("value.out_of_range", key="vblock", value=value, limit=limit)
     half = math.radians(included_deg / 2)
     sign = -1.0 if lobes % 2 else 1.0
     return 1.0 + sign * math.cos(lobes * (math.pi / 2 - half)) / math.sin(half)
@@ -236,8 +240,8 @@ def usable_factor(lobes: int, included_deg: float) -> float:
     """
     factor = v_block_factor(lobes, included_deg)
     if included_deg == TWO_POINT_DEG:
-        raise refused("trace.two_point", key="vblock", value=f"{included_deg:g} deg")
+        raise refusal_error("trace.two_point", key="vblock", value=f"{included_deg:g} deg")
     if abs(factor) < SMALLEST_FACTOR:
         key, limit = f"{lobes}, {included_deg:g} deg", f">= {SMALLEST_FACTOR:g}"
-        raise refused("trace.v_block_blind", key=key, value=f"{abs(factor):.3f}", limit=limit)
+        raise refusal_error("trace.v_block_blind", key=key, value=f"{abs(factor):.3f}", limit=limit)
     return factor

@@ -50,7 +50,7 @@ class Hump:
     steepness: float
     covariance: Floats
 
-    def at(self, n: int) -> tuple[float, float]:
+    def variance_at(self, n: int) -> tuple[float, float]:
         """Return the variance at an order and its degrees of freedom."""
         shape, slopes = _shape(np.array([float(n)]), self.size, self.corner, self.steepness)
         doubt = float(slopes[:, 0] @ self.covariance @ slopes[:, 0])
@@ -71,9 +71,11 @@ class NoiseSpectrum:
     powers: Floats
     humps: tuple[Hump, ...] = ()
 
-    def at(self, n: int) -> tuple[float, float]:
+    def variance_at(self, n: int) -> tuple[float, float]:
         """Return the variance at an order and its degrees of freedom, by the least certain of the spectra."""
-        found = [(variance, min(freedom, self.freedom)) for variance, freedom in (h.at(n) for h in self.humps)]
+        found = [
+            (variance, min(freedom, self.freedom)) for variance, freedom in (h.variance_at(n) for h in self.humps)
+        ]
         return max(found, key=lambda each: student(each[1]) ** 2 * each[0], default=(self.level, self.freedom))
 
 

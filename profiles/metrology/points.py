@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats, floats
-from profiles.problem import Problem, ProfileError, refused
+from profiles.problem import Problem, ProfileError, refusal_error
 
 FEWEST_POINTS = 4
 HANDFUL = 32  # fewer points than this are not a profile: nothing is known between them
@@ -27,7 +27,7 @@ POINTS_PER_UNDULATION = 7
 _ALPHA = math.sqrt(math.log(2) / math.pi)  # sqrt(ln 2 / pi): the transmission at the cut-off is one half
 
 
-def checked(angle_deg: ArrayLike, deviation_um: ArrayLike) -> tuple[Floats, Floats]:
+def check_points(angle_deg: ArrayLike, deviation_um: ArrayLike) -> tuple[Floats, Floats]:
     """Return both as arrays of shape (M,).
 
     Raises `ProfileError`: `trace.columns`, `trace.few_points`, `trace.not_finite`; `trace.narrow_angles`, there is
@@ -37,13 +37,13 @@ def checked(angle_deg: ArrayLike, deviation_um: ArrayLike) -> tuple[Floats, Floa
     deviation = floats(deviation_um)
     if angle.ndim != 1 or angle.shape != deviation.shape:
         value = f"{angle.shape} {deviation.shape}"
-        raise refused("trace.columns", value=value, limit="(M,) (M,)")
+        raise refusal_error("trace.columns", value=value, limit="(M,) (M,)")
     if angle.size < FEWEST_POINTS:
-        raise refused("trace.few_points", value=str(angle.size), limit=f">= {FEWEST_POINTS}")
+        raise refusal_error("trace.few_points", value=str(angle.size), limit=f">= {FEWEST_POINTS}")
     for key, values in (("angle_deg", angle), ("deviation_um", deviation)):
         if not np.isfinite(values).all():
             value = f"{values[~np.isfinite(values)][0]:g}"
-            raise refused("trace.not_finite", key=key, value=value)
+            raise refusal_error("trace.not_finite", key=key, value=value)
     gap_deg = largest_gap_deg(angle)
     if gap_deg > LARGEST_GAP_DEG + _GAP_TOLERANCE_DEG:
         raise ProfileError(narrow(gap_deg, LARGEST_GAP_DEG))
@@ -120,11 +120,11 @@ def gaussian_filter(profile_um: ArrayLike, cutoff_upr: float, *, above_upr: floa
         _require_positive(above_upr, "above_upr")
         if above_upr >= cutoff_upr:
             limit = f"< {cutoff_upr:g} UPR"
-            raise refused("value.out_of_range", key="above_upr", value=f"{above_upr:g}", limit=limit)
+            raise refusal_error("value.out_of_range", key="above_upr", value=f"{above_upr:g}", limit=limit)
         passed = passed - gaussian_transmission(n, above_upr)
     return np.fft.irfft(spectrum * passed, profile.size)
 
 
 def _require_positive(cutoff_upr: float, key: str) -> None:
     if not (math.isfinite(cutoff_upr) and cutoff_upr > 0):
-        raise refused("value.out_of_range", key=key, value=f"{cutoff_upr:g}", limit="> 0 UPR")
+        raise refusal_error("value.out_of_range", key=key, value=f"{cutoff_upr:g}", limit="> 0 UPR")

@@ -75,7 +75,7 @@ class Trend:
 
 def run_chart(values: ArrayLike) -> RunChart | None:
     """Return the chart of values in the order of manufacture, shape (M,); None below `LEAST_CHART`."""
-    found = _checked(values)
+    found = _check_values(values)
     if found.size < LEAST_CHART:
         return None
     mean, moving = float(found.mean()), float(np.abs(np.diff(found)).mean())
@@ -124,7 +124,7 @@ def capability_within(values: ArrayLike, lower: float, upper: float) -> Capabili
 
 def trend(values: ArrayLike) -> Trend | None:
     """Return the trend of values in the order of manufacture, shape (M,); None below `LEAST_TREND`."""
-    found = _checked(values)
+    found = _check_values(values)
     if found.size < LEAST_TREND:
         return None
     place = np.arange(found.size) - 0.5 * (found.size - 1)
@@ -158,11 +158,11 @@ def _one_sided(cpk: float, count: int, confidence: float) -> tuple[float, float]
 
 
 def _enough(values: ArrayLike) -> Floats | None:
-    found = _checked(values)
+    found = _check_values(values)
     return found if found.size >= LEAST_PARTS and np.ptp(found) > 0.0 else None
 
 
-def _checked(values: ArrayLike) -> Floats:
+def _check_values(values: ArrayLike) -> Floats:
     found = np.asarray(values, dtype=np.float64)
     if found.ndim != 1 or not np.isfinite(found).all():
         raise ValueError(f"finite values of shape (M,) are needed, not {found.shape}")

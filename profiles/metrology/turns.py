@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats, floats
-from profiles.problem import refused
+from profiles.problem import refusal_error
 
 _SAME_ANGLE = 0.01  # fraction of a step by which the angles of a turn may differ from those of the first one
 _TURN_DEG = 360.0
@@ -46,13 +46,13 @@ def several_turns(angle_deg: ArrayLike, deviation_um: ArrayLike, turns: int) -> 
     angle = floats(angle_deg)
     deviation = floats(deviation_um)
     if turns < 2 or angle.size % turns:
-        raise refused("trace.turns", value=str(angle.size), limit=f"{turns} x N")
+        raise refusal_error("trace.turns", value=str(angle.size), limit=f"{turns} x N")
     order = np.argsort(angle, kind="stable")
     stood = angle[order].reshape(turns, -1) - _TURN_DEG * np.arange(turns)[:, np.newaxis]
     allowed_deg = _SAME_ANGLE * _TURN_DEG / stood.shape[1]
     apart_deg = float(np.abs(stood - stood[0]).max())
     if apart_deg > allowed_deg:
-        raise refused("trace.turns", value=f"{apart_deg:.3g} deg", limit=f"<= {allowed_deg:.3g} deg")
+        raise refusal_error("trace.turns", value=f"{apart_deg:.3g} deg", limit=f"<= {allowed_deg:.3g} deg")
     each = deviation[order].reshape(turns, -1)
     mean = each.mean(axis=0)
     return Turns(

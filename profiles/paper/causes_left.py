@@ -129,7 +129,7 @@ def cause_records(paper: Experiments) -> tuple[Record, ...]:
     records = []
     for number, measured in enumerate(COMPENSATED_UM, start=1):
         of = partial(Record, unit="um", at=f"{number}", expected=measured, tolerance=WITHIN_UM, basis=Basis.RIVAL)
-        records += [of(f"cause.{name}", each[number - 1], why=_why(name)) for name, each in left.items()]
+        records += [of(f"cause.{name}", each[number - 1], why=_name_cause(name)) for name, each in left.items()]
     both = explaining(paper)
     lost = 100 * (1 - stroke_fraction(Ramps.S_CURVE, FULL_BLEND))
     facts = {"count": len(both), "all": len(left), "lost_percent": lost, "within_um": WITHIN_UM}
@@ -174,5 +174,5 @@ def _deciding(paper: Experiments, both: Sequence[str]) -> list[Record]:
     return records
 
 
-def _why(name: str) -> str:
+def _name_cause(name: str) -> str:
     return COMPLIANCE if name == COMPLIANCE else ""

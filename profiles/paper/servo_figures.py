@@ -81,9 +81,9 @@ def _table_5(machine: MachineProfile) -> tuple[Record, ...]:
 
 def _readings(machine: MachineProfile) -> tuple[Record, ...]:
     """Return what a sine leaves of the 55 um of experiment 1 by two readings, and how well each can be fitted."""
-    facts = {each.name.lower(): table_5.fitted_feedforward(machine, each).chi2 for each in table_5.Reading}
+    facts = {each.name.lower(): table_5.fitted_feedforward(machine, each).chi2 for each in table_5.ErrorBasis}
     of = partial(Record, "table5.left", unit="um", why="read", facts=facts, basis=Basis.READING)
-    losses = table_5.Reading.LOSS_PEAK_TO_PEAK, table_5.Reading.LOSS_OF_AMPLITUDE
+    losses = table_5.ErrorBasis.LOSS_PEAK_TO_PEAK, table_5.ErrorBasis.LOSS_OF_AMPLITUDE
     gains = {each.name.lower(): complex(table_5.measured_response(_LOBE_HZ, each)) for each in losses}
     return tuple(of(residual_um_pp(_ERROR_UM_PP, gain), at=name) for name, gain in gains.items())
 

@@ -26,7 +26,7 @@ WEIGHT = 0.03  # assumed reading error in the fits, of a gain and of a phase in 
 UNKNOWNS = 2  # what is fitted: acceleration feedforward and delay
 
 
-class Reading(Enum):
+class ErrorBasis(Enum):
     """What the amplitude error is relative to, in um, and its sign."""
 
     LOSS_OF_AMPLITUDE = -1.0 / 25.0
@@ -47,12 +47,12 @@ class Feedforward:
     chi2: float
 
 
-def measured_gains(reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> Floats:
+def measured_gains(reading: ErrorBasis = ErrorBasis.LOSS_PEAK_TO_PEAK) -> Floats:
     """Return |T| at `FREQUENCIES_HZ`; loss of peak to peak is the reading that a simple loop can produce."""
     return floats(1.0 + reading.value * np.array(AMPLITUDE_ERROR_UM))
 
 
-def measured_response(frequency_hz: ArrayLike, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> Complexes:
+def measured_response(frequency_hz: ArrayLike, reading: ErrorBasis = ErrorBasis.LOSS_PEAK_TO_PEAK) -> Complexes:
     """Return T of Table 5 in the shape of `frequency_hz`: straight lines from 1 at 0 Hz through the points.
 
     Above 70 Hz, where nothing was measured, gain and lag are taken to fall with 1/f.
@@ -83,7 +83,7 @@ def feedforward_response(
     return complexes(eq9_response(machine, frequency_hz) * (1 + added) * np.exp(-s * delay_s))
 
 
-def fitted_feedforward(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> Feedforward:
+def fitted_feedforward(machine: MachineProfile, reading: ErrorBasis = ErrorBasis.LOSS_PEAK_TO_PEAK) -> Feedforward:
     """Return the least squares fit of acceleration feedforward and delay to Table 5."""
     from scipy.optimize import least_squares
 
@@ -96,7 +96,7 @@ def fitted_feedforward(machine: MachineProfile, reading: Reading = Reading.LOSS_
     return Feedforward(acceleration_fraction=fraction, delay_s=delay_ms / 1000.0, chi2=float(2.0 * found.cost))
 
 
-def fitted_gain(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> float:
+def fitted_gain(machine: MachineProfile, reading: ErrorBasis = ErrorBasis.LOSS_PEAK_TO_PEAK) -> float:
     """Return the factor on the loop gain of Eq 9, and on nothing else, that fits Table 5 best."""
     from scipy.optimize import minimize_scalar
 
@@ -108,7 +108,7 @@ def fitted_gain(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO
     return float(minimize_scalar(chi2, bounds=(0.1, 20.0), method="bounded").x)
 
 
-def _misfit(actual: Complexes, reading: Reading) -> Floats:
+def _misfit(actual: Complexes, reading: ErrorBasis) -> Floats:
     """Return the misfit of a response in gain and phase, in weights; shape (8,)."""
     off = np.concatenate([np.abs(actual) - measured_gains(reading), np.angle(actual) + PHASE_ERROR_RAD])
     return floats(off / WEIGHT)

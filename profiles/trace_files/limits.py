@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator
 
 from profiles.files import refuse_nul
-from profiles.problem import ProfileError, refused
+from profiles.problem import ProfileError, refusal_error
 
 MOST_POINTS = 500_000
 MOST_LINES = 2 * MOST_POINTS  # half of them blank, or remarks
@@ -30,14 +30,14 @@ def text_of(content: bytes, where: str, code: str) -> str:
         return content.decode(encoding)
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
-        raise refused(code, where=f"{where}:{line}", value=f"0x{content[error.start]:02x}") from error
+        raise refusal_error(code, where=f"{where}:{line}", value=f"0x{content[error.start]:02x}") from error
 
 
-def decoded(content: bytes, where: str) -> str:
+def decode_trace_text(content: bytes, where: str) -> str:
     """Return the text of a trace file with LF at the end of each line."""
     text = text_of(content, where, "trace.not_utf8")
     if not text.strip():
-        raise refused("trace.empty", where=where)
+        raise refusal_error("trace.empty", where=where)
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -56,4 +56,4 @@ def words_of(line: str) -> Iterator[str]:
 
 def too_large(where: str, actual: str, most: str) -> ProfileError:
     """Return the refusal of a file above a limit."""
-    return refused("trace.too_large", where=where, value=actual, limit=f"<= {most}")
+    return refusal_error("trace.too_large", where=where, value=actual, limit=f"<= {most}")

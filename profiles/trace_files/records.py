@@ -18,12 +18,12 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from profiles.trace_files.closed import (
+from profiles.trace_files.closed_profile import (
     ABOVE_ZERO,
     UM_PER_M,
     ClosedProfile,
     TraceFormat,
-    closed,
+    close_profile,
     heights_um,
     number,
     point_count,
@@ -43,7 +43,7 @@ _Lines = list[tuple[str, str]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Axis:
+class _RecordAxis:
     kind: str
     points: float
     um_per_number: float
@@ -72,28 +72,30 @@ def read_sdf(text: str, where: str) -> ClosedProfile:
     step_m = stated("Xscale", 0.0, 1.0)
     end = next((n for n in range(body + 1, len(lines)) if lines[n].startswith("*")), len(lines))
     rows = ((f"{where}:{n + 1}", lines[n]) for n in range(body + 1, end) if not lines[n].startswith(";"))
-    return closed("SDF", heights_um(_cells(rows), um_per_unit, points), points, step_m, where)
+    return close_profile("SDF", heights_um(_cells(rows), um_per_unit, points), points, step_m, where)
 
 
 def read_smd(text: str, where: str) -> ClosedProfile:
     """Return the profile in the text of an SMD file."""
-    (_, _, heights), (x, z) = _recorded(text, "\x03", ("I", "A"), where)
+    (_, _, heights), (x, z) = _split_records(text, "\x03", ("I", "A"), where)
     step = number(x.further[0] if x.further else "", "CX", where, ABOVE_ZERO, 1e6)
     step_m = step * x.um_per_number / UM_PER_M
-    return closed("SMD", heights_um(_cells(heights), z.um_per_number, z.points), z.points, step_m, where)
+    return close_profile("SMD", heights_um(_cells(heights), z.um_per_number, z.points), z.points, step_m, where)
 
 
 def read_prf(text: str, where: str) -> ClosedProfile:
     """Return the profile in the text of a PRF file."""
-    (_, maps, heights), (_, z) = _recorded(text, "EOR", ("M", "M"), where)
+    (_, maps, heights), (_, z) = _split_records(text, "EOR", ("M", "M"), where)
     for place, line in maps:
         words = line.split()
-        if words[0] == "MAP" and tuple(_plain(word) for word in words[1:]) not in _MAPS:
+        if words[0] == "MAP" and tuple(_shortest_form(word) for word in words[1:]) not in _MAPS:
             raise unusable(place, "MAP", line, "MAP 1 CZ CZ 1 1, MAP 2 CZ CX 1 0")
-    return closed("PRF", heights_um(_cells(heights), z.um_per_number, z.points), z.points, 0.0, where)
+    return close_profile("PRF", heights_um(_cells(heights), z.um_per_number, z.points), z.points, 0.0, where)
 
 
-def _recorded(text: str, end: str, kinds: tuple[str, str], where: str) -> tuple[list[_Lines], tuple[_Axis, _Axis]]:
+def _split_records(
+    text: str, end: str, kinds: tuple[str, str], where: str
+) -> tuple[list[_Lines], tuple[_RecordAxis, _RecordAxis]]:
     """Return the lines of the first three records, and the axes; checksums and remarks follow."""
     records: list[_Lines] = [[]]
     for place, line in enumerate(lines_of(text.replace("\0", " "), where), start=1):
@@ -115,7 +117,7 @@ def _recorded(text: str, end: str, kinds: tuple[str, str], where: str) -> tuple[
     return records[:3], axes
 
 
-def _axis(name: str, head: _Lines, where: str) -> _Axis:
+def _axis(name: str, head: _Lines, where: str) -> _RecordAxis:
     for place, line in head[2:]:
         words = line.split()
         if words[0] != name:
@@ -126,7 +128,7 @@ def _axis(name: str, head: _Lines, where: str) -> _Axis:
             raise unusable(place, name, line, ", ".join(_UM_PER_UNIT))
         factor = number(scale, name, place, ABOVE_ZERO, 1e6)
         count = point_count(points, name, place)
-        return _Axis(kind=kind, points=count, um_per_number=factor * _UM_PER_UNIT[plain], further=further)
+        return _RecordAxis(kind=kind, points=count, um_per_number=factor * _UM_PER_UNIT[plain], further=further)
     raise unusable(where, name, "", "CX, CZ")
 
 
@@ -134,7 +136,7 @@ def _cells(lines: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:
     return ((place, cell) for place, line in lines for cell in words_of(line))
 
 
-def _plain(word: str) -> str:
+def _shortest_form(word: str) -> str:
     """Return a number in its shortest form, a word as it is."""
     try:
         return f"{float(word):g}"

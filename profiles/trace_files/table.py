@@ -104,7 +104,7 @@ def split_cells(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-class Dialect:
+class ColumnFormat:
     """The separator of one file."""
 
     def __init__(self, header: str) -> None:
@@ -149,7 +149,7 @@ _CHOICES = {
 }
 
 
-class TableReader:
+class TraceTableReader:
     """Reads the lines of one file in turn; collects problems and points: first column, second column in um."""
 
     def __init__(self, where: str, text: str) -> None:
@@ -162,7 +162,7 @@ class TableReader:
         self.first: list[float] = []
         self.second: list[float] = []
         self._header_seen = False
-        self._dialect = Dialect("")
+        self._dialect = ColumnFormat("")
         self._marks = NumberMarks("", None, str)
         self._line_of_angle: dict[float, int] = {}
         self._line_of_place: dict[tuple[float, float], int] = {}
@@ -178,7 +178,7 @@ class TableReader:
                 self._take_meta(number, line)
             return
         if not self._header_seen:
-            self._dialect = Dialect(line)
+            self._dialect = ColumnFormat(line)
             self._take_header(number, line, self._dialect.cells(self._dialect.header))
             return
         cells = self._dialect.cells(line)
@@ -271,7 +271,7 @@ class TableReader:
             elif not code and value < self._from_deg == 0.0:
                 self._spoil("trace.negative_angle", number, value=cell, limit="")
                 return
-            within, limit = self._within(key, value)
+            within, limit = self._check_range(key, value)
             if not (code or within or key == ANGLE):  # each of the other lines would be, too
                 self._spoil("trace.beyond", number, key=key, value=cell, limit=limit)
                 return
@@ -287,7 +287,7 @@ class TableReader:
             self.first.append(float(len(self.second)))
             self.second.append(values[0])
 
-    def _within(self, key: str, value: float) -> tuple[bool, str]:
+    def _check_range(self, key: str, value: float) -> tuple[bool, str]:
         if key == ANGLE:
             limit = f">= {self._from_deg:g}, < {self._to_deg:g} deg"
             return self._from_deg <= value <= self._to_deg, limit
@@ -299,7 +299,7 @@ class TableReader:
     def _keep_point(self, number: int, cell: str, angle: float, deviation: float) -> None:
         closes = angle == self._to_deg
         if closes and (self._from_deg not in self._line_of_angle or self._to_deg > _TURN_DEG):
-            limit = self._within(ANGLE, angle)[1]
+            limit = self._check_range(ANGLE, angle)[1]
             self._refuse("trace.out_of_range", number, key=ANGLE, value=cell, limit=limit)
             return
         place = self._from_deg if closes else angle

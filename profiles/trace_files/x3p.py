@@ -21,12 +21,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from profiles.files import printable
-from profiles.trace_files.closed import (
+from profiles.trace_files.closed_profile import (
     ABOVE_ZERO,
     UM_PER_M,
     ClosedProfile,
     TraceFormat,
-    closed,
+    close_profile,
     heights_um,
     number,
     point_count,
@@ -55,7 +55,8 @@ def read_x3p(content: bytes, where: str) -> ClosedProfile:
     """Return the profile in the bytes of an X3P file.
 
     Raises `ProfileError`: `trace.format`, not such an archive, or not one profile at equal steps;
-    `trace.too_large`, a part of it exceeds its cap; and what `profiles.trace_files.closed.heights_um` refuses.
+    `trace.too_large`, a part of it exceeds its cap; and what `profiles.trace_files.closed_profile.heights_um`
+    refuses.
     """
     if (members := content.count(_MEMBER)) > MOST_MEMBERS:  # each uses memory before any is opened
         raise unusable(where, "X3P", f"{members} files", f"<= {MOST_MEMBERS} files")
@@ -68,13 +69,13 @@ def read_x3p(content: bytes, where: str) -> ClosedProfile:
         _expect(root, "Record1/FeatureType", ("PRF",), where)
         for axis, kind in (("CX", "I"), ("CY", "I"), ("CZ", "A")):
             _expect(root, f"Record1/Axes/{axis}/AxisType", (kind,), where)
-        step_m = number(_said(root, "Record1/Axes/CX/Increment"), "CX/Increment", where, ABOVE_ZERO, 1.0)
-        points = point_count(_said(root, "Record3/MatrixDimension/SizeX"), "SizeX", where)
+        step_m = number(_element_text(root, "Record1/Axes/CX/Increment"), "CX/Increment", where, ABOVE_ZERO, 1.0)
+        points = point_count(_element_text(root, "Record3/MatrixDimension/SizeX"), "SizeX", where)
         for size in ("SizeY", "SizeZ"):
             _expect(root, f"Record3/MatrixDimension/{size}", ("1",), where)
-        listed = _at(root, "Record3/DataList")
-        heights = _linked(archive, root, points, where) if listed is None else _datums(listed, where)
-        return closed("X3P", heights_um(heights, _scale_um(root, where), points), points, step_m, where)
+        listed = _find_element(root, "Record3/DataList")
+        heights = _read_binary_points(archive, root, points, where) if listed is None else _datums(listed, where)
+        return close_profile("X3P", heights_um(heights, _scale_um(root, where), points), points, step_m, where)
 
 
 def _member(archive: zipfile.ZipFile, name: str, cap_bytes: int, where: str) -> bytes:
@@ -126,20 +127,20 @@ def _name(element: _Element) -> str:
     return element.tag.rpartition("}")[2]
 
 
-def _at(root: _Element, path: str) -> _Element | None:
+def _find_element(root: _Element, path: str) -> _Element | None:
     found: _Element | None = root
     for name in path.split("/"):
         found = next((each for each in found if _name(each) == name), None) if found is not None else None
     return found
 
 
-def _said(root: _Element, path: str) -> str:
-    found = _at(root, path)
+def _element_text(root: _Element, path: str) -> str:
+    found = _find_element(root, path)
     return "" if found is None or found.text is None else found.text.strip()
 
 
 def _expect(root: _Element, path: str, allowed: tuple[str, ...], where: str) -> str:
-    said = _said(root, path)
+    said = _element_text(root, path)
     if said not in allowed:
         raise unusable(where, path, said, ", ".join(allowed))
     return said
@@ -147,7 +148,7 @@ def _expect(root: _Element, path: str, allowed: tuple[str, ...], where: str) -> 
 
 def _scale_um(root: _Element, where: str) -> float:
     integer = _expect(root, "Record1/Axes/CZ/DataType", tuple(_TYPES), where) in _INTEGERS
-    stated = _said(root, "Record1/Axes/CZ/Increment") or "1"
+    stated = _element_text(root, "Record1/Axes/CZ/Increment") or "1"
     return number(stated, "CZ/Increment", where, *((ABOVE_ZERO, 1.0) if integer else (1.0, 1.0))) * UM_PER_M
 
 
@@ -156,9 +157,13 @@ def _datums(listed: _Element, where: str) -> Iterator[tuple[str, str]]:
         yield f"{where}: Datum {place}", (each.text or "").strip() or "BAD"
 
 
-def _linked(archive: zipfile.ZipFile, root: _Element, points: float, where: str) -> Iterator[tuple[str, str]]:
+def _read_binary_points(
+    archive: zipfile.ZipFile, root: _Element, points: float, where: str
+) -> Iterator[tuple[str, str]]:
     """Return the numbers of the binary file as text, with their places; those marked as not measured are BAD."""
-    link, valid = (_said(root, f"Record3/DataLink/{name}") for name in ("PointDataLink", "ValidPointsLink"))
+    link, valid = (
+        _element_text(root, f"Record3/DataLink/{name}") for name in ("PointDataLink", "ValidPointsLink")
+    )
     content = _member(archive, link, DATA_CAP_BYTES, where)
     kind = np.dtype(_TYPES[_expect(root, "Record1/Axes/CZ/DataType", tuple(_TYPES), where)])
     if len(content) != points * kind.itemsize:

@@ -57,7 +57,7 @@ class Sentences:
             return " ".join([key, *(f"{name}={value}" for name, value in fields.items())])
         return entry.format(**{**self._always, **fields})
 
-    def either(self, key: str, other: str, /, **fields: object) -> str:
+    def first_sentence(self, key: str, other: str, /, **fields: object) -> str:
         """Return the sentence of `key`, that of the `other` where there is none."""
         return self(key if key in self._entries else other, **fields)
 
@@ -77,9 +77,9 @@ class Sentences:
         sentence = self(key, key=name, value=value, limit=limit, where=problem.where)
         shown = f"{problem.where}: {sentence}" if problem.where and problem.where not in sentence else sentence
         # A fact that is missing at the end of a parenthesis leaves no gap.
-        return self._said(" ".join(shown.split()).replace(" )", ")"))
+        return self._format_sentence(" ".join(shown.split()).replace(" )", ")"))
 
-    def _said(self, sentence: str) -> str:
+    def _format_sentence(self, sentence: str) -> str:
         """Return the sentence of a problem as it is shown; a subclass may show more of its values."""
         return sentence
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from console.cli.measured.comparison import ACCEPTANCE, Row, counted, head, reason_lines, rows, title
+from console.cli.measured.comparison import ACCEPTANCE, Row, count_agreements, head, reason_lines, rows, title
 from console.screens.paper_figures import figure_lines
 from console.text.catalogue import load
 from profiles.paper.record import Record, Section, lee_2001
@@ -86,7 +86,7 @@ def test_the_tables_and_the_figures_are_what_comes_out_and_no_block_is_left_that
     assert {figure.name for section in computed().values() for figure in section.figures} == set(FIGURES)
     assert set(computed()) == {*SECTIONS, ACCEPTANCE}
     failed = []
-    counts = ("counted", [counted([*computed().values()], TEXT) + "."])
+    counts = ("counted", [count_agreements([*computed().values()], TEXT) + "."])
     for name, lines in (counts, *tables(), *figures()):
         try:
             compare_block(name, lines)

@@ -158,12 +158,12 @@ def given_codes() -> Iterator[tuple[str, str]]:
 
     Of a code that is put together there, its parts with a star for what comes in.
     """
-    for path, tree in sources(r"\b(Problem|refused)\("):
+    for path, tree in sources(r"\b(Problem|refusal_error)\("):
         for node in ast.walk(tree):
             name = getattr(node.func, "id", "") if isinstance(node, ast.Call) else ""
-            if isinstance(node, ast.Call) and name in ("Problem", "refused"):
+            if isinstance(node, ast.Call) and name in ("Problem", "refusal_error"):
                 codes = [keyword.value for keyword in node.keywords if keyword.arg == "code"]
-                for given in node.args[:1] if name == "refused" else codes:
+                for given in node.args[:1] if name == "refusal_error" else codes:
                     parts = given.values if isinstance(given, ast.JoinedStr) else [given]
                     code = "".join(str(part.value) if isinstance(part, ast.Constant) else "*" for part in parts)
                     yield f"{path.relative_to(ROOT)}:{node.lineno}", code

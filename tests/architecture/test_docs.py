@@ -20,7 +20,7 @@ from drivers.pmac.program_text import read_program
 from drivers.pmac.programs.paper import paper_program, spindle_start_counts
 from drivers.pmac.programs.setup import cut_setup
 from profiles.store import load_job, load_machine
-from profiles.trace_files.closed import TraceFormat
+from profiles.trace_files.closed_profile import TraceFormat
 from profiles.traces import OF_BYTES, OF_TEXT
 from profiles.words.sentences import LANGUAGES
 

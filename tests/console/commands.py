@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from pytest import MonkeyPatch
 
-from console.cli.machine.card_access import Card
+from console.cli.machine.card_access import ConnectedController
 from console.session.data.kept_files import data_folder
 from console.session.dated_input import TypedLine
 from drivers.lathe.ownership import Ownership
@@ -50,10 +50,10 @@ def _meet(
     **facts: Any,
 ) -> None:
     @contextmanager
-    def opened(*_: object) -> Iterator[Card]:
+    def opened(*_: object) -> Iterator[ConnectedController]:
         version, kind = connect()
         here = {"client": made.client, "stop": made.stop, "clock": made.sim, "data": data_folder(None)}
-        yield Card(machine=machine, version=version, kind=kind, **here, **facts)  # type: ignore[arg-type]
+        yield ConnectedController(machine=machine, version=version, kind=kind, **here, **facts)  # type: ignore[arg-type]
 
     monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)
 

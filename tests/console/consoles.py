@@ -10,8 +10,8 @@ from pathlib import Path
 
 from console.session.station.commands import Command
 from console.session.station.context import StationContext
-from console.session.station.link.reopening import Reopening
-from console.session.station.owning import LOG_NAME, Owning, take_lock
+from console.session.station.link.reopening import ConnectionReopener
+from console.session.station.machine_control import LOG_NAME, MachineControl, take_lock
 from console.session.station.state import StationState
 from console.session.station.station import Station
 from drivers.errors import LinkError
@@ -46,7 +46,7 @@ class OneConsole:
     client: PmacClient
     lathe: Lathe
     stop: StopPath
-    owning: Owning
+    owning: MachineControl
     looks: list[Callable[[Snapshot], None]] = field(default_factory=list)
 
     @property
@@ -113,7 +113,7 @@ def console_of(
 
     lathe = Lathe(client, machine, sim, stop, tell, Heartbeat(client, sim, machine), Ownership(client))
     lock = partial(take_lock, data, ADDRESS) if locking else None
-    owning = Owning(lathe, ADDRESS, data, lock, name=name)
+    owning = MachineControl(lathe, ADDRESS, data, lock, name=name)
     client.connect()
     return OneConsole(sim=sim, line=line, client=client, lathe=lathe, stop=stop, owning=owning, looks=looks)
 
@@ -141,7 +141,7 @@ def station_of(
     )
     context.tell(address=ADDRESS)
     station = Station(context)
-    alone.looks.append(station.seen)
+    alone.looks.append(station.take_poll)
     made = WithStation(**vars(alone), context=context, station=station)
     assert station.connect()
     return made
@@ -225,7 +225,7 @@ def cabled(
     ownership = Ownership(client)
     heartbeat = Heartbeat(client, sim, loaded.machine, owner_seen=ownership.see)
     lathe = Lathe(client, loaded.machine, sim, stop, tell, heartbeat, ownership)
-    owning = Owning(lathe, ADDRESS, data, partial(take_lock, data, ADDRESS))
+    owning = MachineControl(lathe, ADDRESS, data, partial(take_lock, data, ADDRESS))
     context = StationContext(
         lathe=lathe,
         owning=owning,
@@ -234,11 +234,11 @@ def cabled(
         shop=None,
         records=data,
         local_time=lambda: LOCAL_TIME,
-        reopening=Reopening(link, cable.connect),
+        reopening=ConnectionReopener(link, cable.connect),
     )
     context.tell(address=ADDRESS)
     station = Station(context)
-    looks.append(station.seen)
+    looks.append(station.take_poll)
     made = WithStation(
         sim=sim,
         line=line,

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from console.session.station.begins import Begins
 from console.session.station.commands import (
     Approach,
     Arm,
@@ -23,8 +22,9 @@ from console.session.station.commands import (
 )
 from console.session.station.context import StationContext
 from console.session.station.jogging import STEP_TOLERANCE_MM, longest_toward_mm
-from console.session.station.owning import Owning
+from console.session.station.machine_control import MachineControl
 from console.session.station.progress import CutStage
+from console.session.station.session_start import SessionStart
 from console.session.station.state import StationState
 from console.session.station.station import Station
 from drivers.cutting.planning import Strategy
@@ -33,8 +33,8 @@ from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import StopPath
+from drivers.lathe_placement import LathePlacement
 from drivers.link.memory import MemoryLink
-from drivers.placed import Placed
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
@@ -141,8 +141,8 @@ def open_floor(
     turned_deg: float = 0.0,
     *,
     blind: bool = False,
-    placed: Placed | None = None,
-    begins: Begins | None = None,
+    placed: LathePlacement | None = None,
+    begins: SessionStart | None = None,
     owned: bool = False,
 ) -> Floor:
     """A station on a machine whose chuck and tool were mounted by chance; connected and verified.
@@ -170,7 +170,7 @@ def floor_at(
     records: Path,
     machine: LoadedMachine,
     *,
-    begins: Begins | None = None,
+    begins: SessionStart | None = None,
     owned: bool = False,
 ) -> Floor:
     """A station at a lathe that is there already, not connected yet; as for `open_floor`."""
@@ -182,14 +182,14 @@ def floor_at(
         for floor in made:
             for look in tuple(floor.looks):
                 look(snapshot)
-            floor.station.seen(snapshot)
+            floor.station.take_poll(snapshot)
 
     client = PmacClient(link, sim)
     guards = (Heartbeat(client, sim, machine.machine), Ownership(client)) if owned else ()
     lathe = Lathe(client, machine.machine, sim, stop, seen, *guards)
     context = StationContext(
         lathe=lathe,
-        owning=Owning(lathe, link.address, records),
+        owning=MachineControl(lathe, link.address, records),
         loaded_machine=machine,
         clock=sim,
         shop=sim,

@@ -19,23 +19,23 @@ from console.session.station.alarms import (
     CONDITIONS,
     Alarms,
     Priority,
-    acknowledged,
-    cleared,
+    acknowledge_alarms,
+    acknowledge_shown_alarms,
+    clear_alarms,
     foremost,
-    raised,
-    recovered,
-    seen,
-    unseen,
+    raise_alarm,
+    recover_alarms,
+    unacknowledged_alarms,
     with_faults,
 )
 from console.session.station.history.alarm_history import (
     PAST_MOST,
     RAISES_MOST,
+    AlarmChange,
     AlarmHistory,
     AlarmState,
-    Change,
     Instant,
-    followed,
+    follow_alarms,
 )
 from console.session.station.history.session_log import LogEntry, LogKind
 from console.session.station.state import StationState
@@ -49,52 +49,54 @@ FAULT, LINK = Problem(code="machine.fault"), Problem(code="link.lost")
 
 
 def both() -> Alarms:
-    return raised(raised((), FAULT, Priority.HIGH, 1.0), LINK, Priority.HIGH, 2.0)
+    return raise_alarm(raise_alarm((), FAULT, Priority.HIGH, 1.0), LINK, Priority.HIGH, 2.0)
 
 
 def test_the_first_that_stands_and_was_not_seen_is_in_front() -> None:
-    link_is_back = cleared(raised((), LINK, Priority.HIGH, 1.0), LINK.code)
-    fault_seen = acknowledged(raised((), FAULT, Priority.HIGH, 1.0))
+    link_is_back = clear_alarms(raise_alarm((), LINK, Priority.HIGH, 1.0), LINK.code)
+    fault_seen = acknowledge_alarms(raise_alarm((), FAULT, Priority.HIGH, 1.0))
     for alarms, front in (
-        (raised(both(), LINK, Priority.HIGH, 3.0), FAULT),  # the first of a flood
+        (raise_alarm(both(), LINK, Priority.HIGH, 3.0), FAULT),  # the first of a flood
         (link_is_back, LINK),
-        (raised(link_is_back, FAULT, Priority.HIGH, 2.0), FAULT),  # what is so before what is over
-        (raised(fault_seen, LINK, Priority.LOW, 2.0), LINK),  # what was not seen before what was
+        (raise_alarm(link_is_back, FAULT, Priority.HIGH, 2.0), FAULT),  # what is so before what is over
+        (raise_alarm(fault_seen, LINK, Priority.LOW, 2.0), LINK),  # what was not seen before what was
         ((), None),
     ):
         found = foremost(alarms)
         assert (found and found.problem) == front
-    (again,) = raised(fault_seen, FAULT, Priority.HIGH, 5.0)
+    (again,) = raise_alarm(fault_seen, FAULT, Priority.HIGH, 5.0)
     assert (again.count, again.acknowledged, again.at_s) == (2, False, 1.0), "it wants attention again"
 
 
 def test_an_alarm_stays_until_its_cause_went_and_it_was_seen() -> None:
-    assert [alarm.problem for alarm in acknowledged(both())] == [FAULT, LINK]
-    gone = cleared(both(), "machine.fault")
+    assert [alarm.problem for alarm in acknowledge_alarms(both())] == [FAULT, LINK]
+    gone = clear_alarms(both(), "machine.fault")
     assert [alarm.active for alarm in gone] == [False, True]
-    assert [alarm.problem for alarm in acknowledged(gone)] == [LINK]
-    assert cleared(acknowledged(both()), "machine.fault", "link.lost") == ()
+    assert [alarm.problem for alarm in acknowledge_alarms(gone)] == [LINK]
+    assert clear_alarms(acknowledge_alarms(both()), "machine.fault", "link.lost") == ()
 
 
 def test_only_what_was_on_the_screen_is_acknowledged_one_after_the_other() -> None:
     """The number beside the row counts down to none; an alarm may come between the row and the key."""
     alarms, fronts = both(), []
-    while waiting := unseen(alarms):
+    while waiting := unacknowledged_alarms(alarms):
         front = known(foremost(alarms))
         fronts.append((front.problem.code, len(waiting)))
-        alarms = seen(alarms)
-    assert fronts == [("machine.fault", 2), ("link.lost", 1)] and seen(()) == ()
-    assert unseen(seen(both(), (FAULT, LINK))) == (), "the list of messages shows all of them"
-    later = raised(raised((), LINK, Priority.LOW, 1.0), FAULT, Priority.HIGH, 2.0)
-    assert [alarm.acknowledged for alarm in seen(later, (LINK,))] == [True, False]
+        alarms = acknowledge_shown_alarms(alarms)
+    assert fronts == [("machine.fault", 2), ("link.lost", 1)] and acknowledge_shown_alarms(()) == ()
+    assert unacknowledged_alarms(acknowledge_shown_alarms(both(), (FAULT, LINK))) == (), (
+        "the list of messages shows all of them"
+    )
+    later = raise_alarm(raise_alarm((), LINK, Priority.LOW, 1.0), FAULT, Priority.HIGH, 2.0)
+    assert [alarm.acknowledged for alarm in acknowledge_shown_alarms(later, (LINK,))] == [True, False]
 
 
 def test_over_the_way_back_from_a_stop_conditions_stand_and_events_are_over() -> None:
     condition, event = Problem(code="owner.ousted"), Problem(code="machine.not_arrived")
     assert condition.code in CONDITIONS and event.code not in CONDITIONS
-    alarms = raised(raised((), condition, Priority.HIGH, 1.0), event, Priority.HIGH, 2.0)
-    assert recovered(acknowledged(alarms)) == acknowledged(alarms)[:1]
-    assert [alarm.active for alarm in recovered(alarms)] == [True, False]
+    alarms = raise_alarm(raise_alarm((), condition, Priority.HIGH, 1.0), event, Priority.HIGH, 2.0)
+    assert recover_alarms(acknowledge_alarms(alarms)) == acknowledge_alarms(alarms)[:1]
+    assert [alarm.active for alarm in recover_alarms(alarms)] == [True, False]
 
 
 TOOL, LIMIT = "tool: amplifier_fault", "carriage: positive_limit"
@@ -106,21 +108,21 @@ def told(alarms: Alarms) -> list[tuple[str, str, bool, bool]]:
 
 def test_a_fault_is_told_once_as_long_as_it_stands() -> None:
     first = with_faults((), (TOOL,), 1.0)
-    known = with_faults(acknowledged(first), (TOOL,), 2.0)
+    known = with_faults(acknowledge_alarms(first), (TOOL,), 2.0)
     assert (told(first), told(known)) == ([("rest", TOOL, True, False)], [("rest", TOOL, True, True)])
     assert with_faults(known, (), 3.0) == ()
     assert told(with_faults(first, (), 3.0)) == [("rest", TOOL, False, False)]
     two = with_faults(known, (TOOL, LIMIT), 2.0)
     assert told(two) == [("rest", f"{TOOL}, {LIMIT}", True, False)], "another one wants attention again"
     # One of them goes: that is nothing to look at.
-    assert told(with_faults(acknowledged(two), (LIMIT,), 3.0)) == [("rest", f"{TOOL}, {LIMIT}", True, True)]
+    assert told(with_faults(acknowledge_alarms(two), (LIMIT,), 3.0)) == [("rest", f"{TOOL}, {LIMIT}", True, True)]
 
 
 @pytest.mark.parametrize("seen_before", [False, True])
 def test_the_fault_that_stopped_a_motion_is_not_told_again_at_rest(seen_before: bool) -> None:
-    stopped = raised((), Problem(code="machine.fault", key="program", value=TOOL), Priority.HIGH, 1.0)
-    alarms = acknowledged(stopped) if seen_before else stopped
-    after = with_faults(recovered(with_faults(alarms, (TOOL,), 2.0)), (TOOL,), 3.0)
+    stopped = raise_alarm((), Problem(code="machine.fault", key="program", value=TOOL), Priority.HIGH, 1.0)
+    alarms = acknowledge_alarms(stopped) if seen_before else stopped
+    after = with_faults(recover_alarms(with_faults(alarms, (TOOL,), 2.0)), (TOOL,), 3.0)
     assert told(after) == [("program", TOOL, True, seen_before)]
     assert [alarm.problem.value for alarm in with_faults(after, (TOOL, LIMIT), 4.0)] == [TOOL, LIMIT]
 
@@ -137,13 +139,13 @@ def clock(now_s: float) -> datetime:
 def after(*steps: tuple[float, Alarms], history: AlarmHistory | None = None) -> AlarmHistory:
     history = history or AlarmHistory()
     for now_s, alarms in steps:
-        history, _ = followed(history, alarms, Instant(now_s=now_s, clock=clock(now_s)))
+        history, _ = follow_alarms(history, alarms, Instant(now_s=now_s, clock=clock(now_s)))
     return history
 
 
 def up(*problems: tuple[Problem, float], on: Alarms = ()) -> Alarms:
     for problem, at_s in problems:
-        on = raised(on, problem, Priority.HIGH, at_s)
+        on = raise_alarm(on, problem, Priority.HIGH, at_s)
     return on
 
 
@@ -161,20 +163,20 @@ def test_alarms_have_numbers_in_the_order_in_which_they_came_and_their_own_time_
 
 def test_the_states_of_an_alarm_from_new_to_past() -> None:
     new = up((FAULT, 10.0))
-    seen, ended = acknowledged(new), cleared(new, "machine.fault")
-    assert [after((10.0, new)).listed[0].state] == [AlarmState.NEW]
-    assert after((10.0, new), (12.0, seen)).listed[0].state is AlarmState.ACKNOWLEDGED
-    history = after((10.0, new), (12.0, seen), (15.0, cleared(seen, "machine.fault")))
+    seen, ended = acknowledge_alarms(new), clear_alarms(new, "machine.fault")
+    assert [after((10.0, new)).list_entries[0].state] == [AlarmState.NEW]
+    assert after((10.0, new), (12.0, seen)).list_entries[0].state is AlarmState.ACKNOWLEDGED
+    history = after((10.0, new), (12.0, seen), (15.0, clear_alarms(seen, "machine.fault")))
     (entry,) = history.past
     assert history.standing == ()
     assert (entry.state, entry.acknowledged, entry.ended) == (AlarmState.PAST, clock(12.0), clock(15.0))
     assert after((10.0, new), (15.0, ended)).standing[0].state is AlarmState.RETURNED, "it ended unseen"
-    (entry,) = after((10.0, new), (15.0, ended), (20.0, acknowledged(ended))).past
+    (entry,) = after((10.0, new), (15.0, ended), (20.0, acknowledge_alarms(ended))).past
     assert (entry.ended, entry.acknowledged) == (clock(15.0), clock(20.0))
     (entry,) = after((10.0, new), (12.0, seen), (40.0, up((FAULT, 40.0), on=seen))).standing
     assert (entry.number, entry.state, entry.alarm.count, entry.again) == (1, AlarmState.NEW, 2, clock(40.0))
     history = after((10.0, new), (50.0, up((FAULT, 49.0))))  # it left and came while nobody looked
-    assert [each.number for each in history.listed] == [2, 1] and history.past[0].is_past
+    assert [each.number for each in history.list_entries] == [2, 1] and history.past[0].is_past
 
 
 def test_the_first_of_those_that_come_together_is_first_out_whatever_their_order_in_the_state() -> None:
@@ -192,11 +194,11 @@ def test_every_change_is_reported_once() -> None:
     new = up((FAULT, 10.0))
     found = []
     history = AlarmHistory()
-    ended = cleared(new, "machine.fault")
-    for alarms in (new, new, ended, ended, acknowledged(ended)):
-        history, changes = followed(history, alarms, Instant(now_s=10.0, clock=NOON))
+    ended = clear_alarms(new, "machine.fault")
+    for alarms in (new, new, ended, ended, acknowledge_alarms(ended)):
+        history, changes = follow_alarms(history, alarms, Instant(now_s=10.0, clock=NOON))
         found += [change for change, _ in changes]
-    assert found == [Change.RAISED, Change.ENDED, Change.ACKNOWLEDGED]
+    assert found == [AlarmChange.RAISED, AlarmChange.ENDED, AlarmChange.ACKNOWLEDGED]
 
 
 def test_the_rate_counts_every_raise_and_more_than_ten_in_ten_minutes_are_a_flood() -> None:
@@ -276,9 +278,15 @@ def test_the_screens_hand_over_each_alarm_once_when_it_comes_and_when_it_ends() 
     control = FixedControl(StationState())
     logged = LoggedControl(control, lambda: AT, handed.extend)
     quiet = control.state
-    standing = raised(quiet.alarms, LOST, Priority.HIGH, 1.0)
-    for alarms in (quiet.alarms, standing, standing, cleared(standing, LOST.code), cleared(standing, LOST.code)):
-        logged.followed(replace(quiet, alarms=alarms), (), typed=False)
+    standing = raise_alarm(quiet.alarms, LOST, Priority.HIGH, 1.0)
+    for alarms in (
+        quiet.alarms,
+        standing,
+        standing,
+        clear_alarms(standing, LOST.code),
+        clear_alarms(standing, LOST.code),
+    ):
+        logged.follow_state(replace(quiet, alarms=alarms), (), typed=False)
     assert [(each.kind, each.number) for each in handed] == [(LogKind.RAISED, 1), (LogKind.ENDED, 1)]
 
 

@@ -15,16 +15,16 @@ from console.session.cut.alignment import (
     TouchOff,
     aligned_job,
     aligned_machine,
-    clamped,
+    clamp_blank,
     clamping_of,
     current_step,
     handed_over,
     jaw_found,
-    observed,
+    observe_poll,
     problems,
     step_problems,
     tables_told,
-    unclamped,
+    unclamp_blank,
 )
 from console.session.station.commands import (
     Approach,
@@ -117,7 +117,7 @@ def test_the_touch_off_holds_for_the_diameter_that_it_was_taken_on() -> None:
     assert step_problems(COMPLETE, AlignStep.TOUCH_OFF, TWO_JAWS) == ()
     # Where the tip is does not change with what is clamped.
     machine = load_machine("lee-2001-lathe").machine
-    larger = clamped(COMPLETE, LARGER, "09:00")
+    larger = clamp_blank(COMPLETE, LARGER, "09:00")
     assert aligned_machine(machine, larger).tool.home_radius_mm == 75.837
 
 
@@ -141,9 +141,9 @@ def test_another_chuck_tool_or_machine_takes_what_rests_on_it(
 
 def test_clamping_in_other_jaws_takes_jaw_1_for_good() -> None:
     """Another number of jaws is another mounting: with the first jaws back, jaw 1 is somewhere else."""
-    there = clamped(COMPLETE, TWO_JAWS, "09:00")
+    there = clamp_blank(COMPLETE, TWO_JAWS, "09:00")
     assert step_problems(there, AlignStep.CLAMP, TWO_JAWS) == ()
-    back = clamped(there, JOB, "09:30")
+    back = clamp_blank(there, JOB, "09:30")
     assert codes(back) == ["alignment.jaws_changed", "alignment.no_jaw"]
     assert next(problem.value for problem in step_problems(back, AlignStep.JAW, JOB)) == "09:00"
     found = jaw_found(back, 12.0, 3, "09:40")
@@ -153,13 +153,13 @@ def test_clamping_in_other_jaws_takes_jaw_1_for_good() -> None:
 
 def test_each_event_takes_what_rests_on_it_and_no_more() -> None:
     at = "09:20"
-    assert codes(clamped(unclamped(COMPLETE, at), JOB, "09:25")) == [], "the next blank of the same job"
-    assert codes(observed(COMPLETE, drives_on=False, homed=True, at=at)) == ["alignment.drives_off"]
-    by_sensor = observed(COMPLETE, drives_on=True, homed=True, at=at, chuck_open=True)
-    for opened in (by_sensor, unclamped(COMPLETE, at)):
+    assert codes(clamp_blank(unclamp_blank(COMPLETE, at), JOB, "09:25")) == [], "the next blank of the same job"
+    assert codes(observe_poll(COMPLETE, drives_on=False, homed=True, at=at)) == ["alignment.drives_off"]
+    by_sensor = observe_poll(COMPLETE, drives_on=True, homed=True, at=at, chuck_open=True)
+    for opened in (by_sensor, unclamp_blank(COMPLETE, at)):
         assert codes(opened) == ["alignment.unclamped", "alignment.no_clamping"]
         assert (opened.jaw, opened.touch_off) == (COMPLETE.jaw, COMPLETE.touch_off)
-    unhomed = observed(COMPLETE, drives_on=True, homed=False, at=at)
+    unhomed = observe_poll(COMPLETE, drives_on=True, homed=False, at=at)
     assert (unhomed.jaw, unhomed.touch_off, [problem.value for problem in unhomed.lost]) == (None, None, [at])
     assert "alignment.home_lost" in codes(unhomed)
 

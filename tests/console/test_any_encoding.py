@@ -22,12 +22,12 @@ from pytest import MonkeyPatch
 import console.tui as tui
 from console.__main__ import main
 from console.cli.output import EscapedOutput, print_json
-from console.escaping import encodable, escaped, escaped_line
+from console.escaping import encodable, escape_text, escaped_line
 from console.session.typed_number import stored_length, typed_length
 from console.text.catalogue import load, words_of
 from console.text.columns import cell_width
-from console.tui.lines import Sheet, plain
-from console.tui.pages.fields import FORM, entry_of, judge, limit_of, written
+from console.tui.lines import Sheet, plain_text
+from console.tui.pages.fields import FORM, entry_of, format_field, judge, limit_of
 from console.tui.theme import MONO, Token
 from console.units import METRIC, Units
 from profiles.problem import Problem, ProfileError
@@ -127,8 +127,8 @@ def test_nothing_steers_a_terminal_that_comes_through_the_streams(text: str) -> 
         out.flush()
         found = bytes_.getvalue().decode(encoding)
         assert steering(found) == set()
-        plain_ = escaped(text)
-        assert escaped(plain_) == plain_ and encodable(plain_, "utf-8") == plain_
+        plain_ = escape_text(text)
+        assert escape_text(plain_) == plain_ and encodable(plain_, "utf-8") == plain_
         assert cell_width(encodable(plain_, encoding)) == cell_width(plain_)
 
 
@@ -148,14 +148,14 @@ def test_what_json_says_is_what_it_was_and_steers_nothing(text: str) -> None:
 
 def test_what_is_harmless_stays_as_it_is() -> None:
     for text in ("plain", "µm ± 3 °", "한국어 보상", "a\nb\tc", "a\u3000b\xa0c"):
-        assert escaped(text) == encodable(text, "utf-8") == encodable(text, None) == text
+        assert escape_text(text) == encodable(text, "utf-8") == encodable(text, None) == text
     assert escaped_line("a\nb\tc\x1b") == "a\\nb\\tc\\x1b"
 
 
 def test_a_sheet_shows_what_would_steer_the_terminal_as_it_is_written() -> None:
     sheet = Sheet(MONO)
     sheet.show([(("a ", Token.TEXT), (f"{EVIL}\n", Token.WARNING)), (("b", Token.DIM),)])
-    shown = plain(sheet.lines)
+    shown = plain_text(sheet.lines)
     assert steering(shown) == set() and shown.count("\n") == 1
     assert "\\x1b]0;owned\\x07" in shown
 
@@ -285,7 +285,7 @@ def test_what_is_typed_is_kept_exactly_and_shown_again_as_typed(typed: Decimal, 
     assert judged.problems == ()
     kept = judged.work.job.diameter_mm
     assert Decimal(repr(kept)) == Decimal(repr(float(typed * MM_IN_AN_INCH)))
-    assert Decimal(written(FIELDS["diameter_mm"], judged.work.job, INCH)) == typed
+    assert Decimal(format_field(FIELDS["diameter_mm"], judged.work.job, INCH)) == typed
 
 
 @given(st.floats(0.001, 500.0))
@@ -320,11 +320,11 @@ def test_a_number_that_could_be_two_is_refused_in_inches_too() -> None:
 
 def test_a_message_has_both_units() -> None:
     metric = "the target 300.000 mm is out of range; allowed 0.000 … 254.000 mm, ± 2.5 um, 3 mm/s, 5 N/um"
-    assert INCH.beside(metric) == (
+    assert INCH.add_inches(metric) == (
         "the target 300.000 mm (11.81102 in) is out of range; allowed 0.000 … 254.000 mm (0.00000 … 10.00000 in), "
         "± 2.5 um (98 uin), 3 mm/s (0.12 in/s), 5 N/um"
     )
-    assert METRIC.beside(metric) == metric
+    assert METRIC.add_inches(metric) == metric
 
 
 def test_commands_speak_in_millimetres_whatever_a_screen_shows() -> None:

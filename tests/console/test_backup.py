@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from pytest import MonkeyPatch
 
-from console.session.data import calibrations, identified, learned_store, restore, stop_records
+from console.session.data import calibrations, identified_responses, learned_store, restore, stop_records
 from console.session.data.backup import back_up
 from console.session.data.backup_format import MANIFEST
 from console.session.data.history import last_results
@@ -27,10 +27,10 @@ from console.session.data.kept_files import jobs_folder
 from console.session.data.record_file import FILE_NAME
 from console.session.data.record_schema import SCHEMA
 from console.session.data.records import RunRecord
-from console.session.data.restore import checked
+from console.session.data.restore import check_archive
 from console.session.data.trace_folder import export_trace
-from console.session.station.owning import take_lock
-from console.session.work import opened, saved_as
+from console.session.station.machine_control import take_lock
+from console.session.work import open_work, saved_as
 from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
@@ -47,12 +47,12 @@ TRACE = Trace(angle_deg=np.arange(0.0, 360.0, 20.0), deviation_um=np.zeros(18))
 
 def fill(data: Path) -> None:
     """One of everything that a console keeps."""
-    saved_as(opened(load_job("lee-2001-experiment-1"), load_machine(MACHINE.name)), "mine", jobs_folder(data))
+    saved_as(open_work(load_job("lee-2001-experiment-1"), load_machine(MACHINE.name)), "mine", jobs_folder(data))
     (data / "machines").mkdir()
     (data / "machines" / "선반.toml").write_text("# an own machine\n", encoding="utf-8")
     learned_store.store(data, LEARNED)
     calibrations.store(data, CALIBRATION)
-    identified.store(data, RESPONSE)
+    identified_responses.store(data, RESPONSE)
     stop_records.store(data, MACHINE, STOPS)
     export_trace(data, TRACE, job="ring")
     os.utime(next((data / "exported-traces").iterdir()), (1e9, 1e9 + 0.5))
@@ -222,7 +222,7 @@ def test_whatever_is_wrong_with_an_archive_nothing_is_written(data: Path, tmp_pa
     ):
         packed(wrong, content)
         with pytest.raises(ProblemError):
-            checked(wrong)
+            check_archive(wrong)
         assert code_of(wrong, place) == code
     for raw, code in (
         (plain.replace(b"spindle_speed_rpm = 1000", b"spindle_speed_rpm = 1001"), "restore.damaged"),
@@ -252,9 +252,9 @@ def test_a_replaced_archive_or_a_full_disk_restores_nothing(
     learned = next((data / "learned").rglob("*.json"))
     learned.write_bytes(learned.read_bytes().replace(b"27.5", b"28.5"))
     back_up(data, other)
-    manifest = checked(file)
+    manifest = check_archive(file)
     with monkeypatch.context() as replaced:
-        replaced.setattr(restore, "checked", lambda _: manifest)
+        replaced.setattr(restore, "check_archive", lambda _: manifest)
         assert code_of(other, place) == "restore.damaged"
     free = os.statvfs(place)
 
@@ -268,12 +268,12 @@ def test_a_replaced_archive_or_a_full_disk_restores_nothing(
 def test_a_flipped_bit_anywhere_in_the_file_is_found_or_harmless(data: Path, tmp_path: Path) -> None:
     file, wrong = tmp_path / "b.tar.gz", tmp_path / "wrong.tar.gz"
     back_up(data, file)
-    good, zipped = checked(file), file.read_bytes()
+    good, zipped = check_archive(file), file.read_bytes()
     refused = 0
     for place in range(10, len(zipped), max(1, len(zipped) // 60)):  # behind the header of gzip: a date
         wrong.write_bytes(zipped[:place] + bytes([zipped[place] ^ 0x10]) + zipped[place + 1 :])
         try:
-            assert checked(wrong) == good
+            assert check_archive(wrong) == good
         except ProblemError as error:
             assert error.problems[0].code in ("restore.damaged", "restore.not_backup", "restore.unsafe")
             refused += 1
@@ -295,7 +295,7 @@ def test_a_damaged_byte_that_reads_as_another_schema_is_called_damage(data: Path
 
 def refused(archive: Path) -> str:
     with pytest.raises(ProblemError) as caught:
-        checked(archive)
+        check_archive(archive)
     return caught.value.problems[0].code
 
 

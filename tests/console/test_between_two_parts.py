@@ -15,7 +15,7 @@ from pytest import MonkeyPatch
 
 from console.session.cut import recording
 from console.session.cut import run as run_module
-from console.session.cut.engine import CutContext, Step, cut, load
+from console.session.cut.engine import CutContext, PartStep, cut, load
 from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import part_record
 from console.session.cut.run import CutOutcome, cut_part, plan_run, roundness_of
@@ -23,7 +23,7 @@ from console.session.data.records import RunRecord
 from console.session.errors import SessionError
 from console.session.stages import Stage
 from console.session.station.commands import Start
-from console.session.station.progress import CutPhase, PhaseClock, planned_phases
+from console.session.station.progress import CutPhase, CutPhaseClock, planned_phases
 from console.text.catalogue import load as load_text
 from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import Strategy
@@ -49,7 +49,7 @@ SHORT = replace(JOB, cut_length_mm=1.0)
 PLAN = plan_cut(JOB, MACHINE, Strategy.NONE)
 
 
-def unheard(step: Step, detail: str) -> None:
+def unheard(step: PartStep, detail: str) -> None:
     """Tell nobody."""
 
 
@@ -95,12 +95,14 @@ def test_the_retract_has_the_time_that_the_program_gives_it() -> None:
 
 @pytest.mark.parametrize("pace", [1.0, 0.5])
 def test_what_is_left_of_the_retract_falls_and_its_delay_comes_off_the_next_phase(pace: float) -> None:
-    clock = PhaseClock(PLAN, MACHINE)
+    clock = CutPhaseClock(PLAN, MACHINE)
     planned_s = {each.phase: each.left_s / pace for each in planned_phases(PLAN, MACHINE)}
 
     def left(at_s: float) -> list[tuple[CutPhase, float]]:
         snapshot: Any = SimpleNamespace(at_s=at_s)
-        return [(each.phase, each.left_s) for each in clock.left(CutPhase.RETRACT, snapshot, 0.0, pace)]
+        return [
+            (each.phase, each.left_s) for each in clock.remaining_phases(CutPhase.RETRACT, snapshot, 0.0, pace)
+        ]
 
     retract_s, home_s = planned_s[CutPhase.RETRACT], planned_s[CutPhase.HOME]
     for gone_s, expected in (
@@ -230,18 +232,20 @@ def test_screens_refuse_it_before_anything_moves(tmp_path: Path, in_copies: None
     rewrite(floor.sim, line)
     state = floor.do(Start())
     assert [problem.code for problem in state.refusals] == [code] and not started(floor.sim)
-    assert [axis.commanded for axis in floor.lathe.snapshot().axes] == [axis.commanded for axis in before.axes]
+    assert [axis.commanded_position for axis in floor.lathe.snapshot().axes] == [
+        axis.commanded_position for axis in before.axes
+    ]
 
 
 @pytest.mark.first(3)
-@pytest.mark.parametrize("step", [Step.ALIGN, Step.ARM])
+@pytest.mark.parametrize("step", [PartStep.ALIGN, PartStep.ARM])
 @pytest.mark.parametrize(("line", "code"), REWRITES)
-def test_console_run_refuses_it_and_leaves_the_machine_at_rest(line: str, code: str, step: Step) -> None:
+def test_console_run_refuses_it_and_leaves_the_machine_at_rest(line: str, code: str, step: PartStep) -> None:
     job = experiment_1(CUT_MM)
     context, sim = simulated_context(COMPACT)
     ran: list[bool] = []
 
-    def tell(now: Step, _: str) -> None:
+    def tell(now: PartStep, _: str) -> None:
         ran.append(started(sim))
         if now is step:
             rewrite(sim, line)
@@ -279,7 +283,7 @@ def codes(error: SessionError) -> list[str]:
 
 
 def failed(
-    opened: CutContext, job: Job, plan: CutPlan, tell: Callable[[Step, str], None] = unheard
+    opened: CutContext, job: Job, plan: CutPlan, tell: Callable[[PartStep, str], None] = unheard
 ) -> SessionError:
     with pytest.raises(SessionError) as caught:
         cut_part(opened, job, plan, tell)
@@ -299,7 +303,7 @@ def once(simulated: SimulatedLathe, due: Callable[[], bool], act: Callable[[], A
     simulated.wait = wait  # type: ignore[method-assign]
 
 
-def at(step: Step, act: Callable[[], Any]) -> Callable[[Step, str], None]:
+def at(step: PartStep, act: Callable[[], Any]) -> Callable[[PartStep, str], None]:
     """Return what is told the steps and does something at one of them."""
     return lambda told, detail: act() if told is step else None
 
@@ -313,7 +317,7 @@ def moving(simulated: SimulatedLathe) -> bool:
 
 def test_a_fault_of_the_console_stops_and_is_told(shop: tuple[CutContext, SimulatedLathe], plan: CutPlan) -> None:
     opened, simulated = shop
-    fault = failed(opened, JOB, plan, at(Step.RETRACT, lambda: [][1]))
+    fault = failed(opened, JOB, plan, at(PartStep.RETRACT, lambda: [][1]))
     assert codes(fault) == ["session.fault"]
     assert "IndexError" in fault.problems[0].value
     assert not moving(simulated)
@@ -404,7 +408,7 @@ def test_a_locked_record_stops_it(shop: tuple[CutContext, SimulatedLathe], plan:
         other.execute("BEGIN EXCLUSIVE")
         record.add("step", {})
 
-    assert codes(failed(opened, JOB, plan, at(Step.ARM, lock))) == ["record.lost"]
+    assert codes(failed(opened, JOB, plan, at(PartStep.ARM, lock))) == ["record.lost"]
     assert not moving(simulated)
     other.execute("ROLLBACK")
     other.close()

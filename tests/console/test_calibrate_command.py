@@ -20,7 +20,7 @@ from console.session.learning.calibrating import PartLobe, accept_lobe, lobe_of
 from console.session.learning.chuck_calibrating import stated_number
 from console.session.station.commands import Arm, ConfirmClamping, DisableDrives, EnableDrives, Measure, Start
 from console.session.station.state import MeasuredPart
-from console.session.work import edited, opened
+from console.session.work import edit_field, open_work
 from console.text.catalogue import load
 from drivers.cutting.planning import Strategy
 from profiles.lobe.lobe_origin import with_modelled_lobe, without_lobe
@@ -152,15 +152,15 @@ def test_the_sign_names_the_mechanism(
 
 def test_a_lobe_that_is_changed_by_hand_is_an_assumed_one() -> None:
     job = replace(load_job(JOB).job, lobe_error_source="fitted")
-    work = opened(replace(load_job(JOB), job=job), load_machine("lee-2001-lathe"))
-    assert edited(work, "feed_mm_per_rev", "0.04").job.lobe_error_source == "fitted"
-    assert edited(work, "lobe_error_um_pp", "40").job.lobe_error_source == "assumed"
-    assert edited(work, "lobe_error_source", "measured").job.lobe_error_source == "measured"
+    work = open_work(replace(load_job(JOB), job=job), load_machine("lee-2001-lathe"))
+    assert edit_field(work, "feed_mm_per_rev", "0.04").job.lobe_error_source == "fitted"
+    assert edit_field(work, "lobe_error_um_pp", "40").job.lobe_error_source == "assumed"
+    assert edit_field(work, "lobe_error_source", "measured").job.lobe_error_source == "measured"
 
 
 def test_a_cut_unlike_the_calibration_cut_is_not_armed_except_a_plain_one() -> None:
     machine = load_machine("lee-2001-lathe")
-    work = edited(opened(load_job(JOB), machine), "spindle_speed_rpm", "800")
+    work = edit_field(open_work(load_job(JOB), machine), "spindle_speed_rpm", "800")
     assert [
         problem.key for problem in of_lobe(work.job, machine.machine, Strategy.PVT, simulated=True).problems
     ] == ["spindle_speed_rpm"]
@@ -212,12 +212,12 @@ def test_what_a_file_does_not_state_is_still_missing_when_a_value_was_tried(tmp_
     machine = load_machine("lee-2001-lathe")
     bare = replace(load_job(JOB).job, lobe_spindle_speed_rpm=None, lobe_force_n=None)
     save_job(bare, tmp_path / "bare.toml")
-    work = opened(load_job(str(tmp_path / "bare.toml")), machine)
+    work = open_work(load_job(str(tmp_path / "bare.toml")), machine)
     assert not work.edited
-    tried = edited(edited(work, "spindle_speed_rpm", "800"), "chucking_force_n", "1500")
+    tried = edit_field(edit_field(work, "spindle_speed_rpm", "800"), "chucking_force_n", "1500")
     codes = [each.code for each in of_lobe(tried.job, machine.machine, Strategy.PVT, simulated=True).problems]
     assert codes == ["rule.force_differs", "rule.lobe_differs"]
-    back = edited(edited(tried, "spindle_speed_rpm", "1000"), "chucking_force_n", "1314")
+    back = edit_field(edit_field(tried, "spindle_speed_rpm", "1000"), "chucking_force_n", "1314")
     (missing,) = of_lobe(back.job, machine.machine, Strategy.PVT, simulated=False).problems
     assert (missing.code, missing.limit) == ("rule.lobe_unstated", "lobe_force_n, lobe_spindle_speed_rpm")
 
@@ -306,7 +306,7 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Shop:
 def test_a_plain_part_gives_its_job_the_lobe_and_the_next_part_is_round(shop: Shop) -> None:
     plain, lobe, job = shop.plain, shop.plain.lobe, shop.bare
     assert shop.refused == ["rule.lobe_none"]
-    assert opened(job, shop.machine).strategy == "none"
+    assert open_work(job, shop.machine).strategy == "none"
     assert lobe is not None and lobe.found is not None and not lobe.reasons, lobe
     # What the simulated ring springs back is the model's; the jaw was found at the mark.
     true_um_pp = with_modelled_lobe(job.job, shop.machine.machine).lobe_error_um_pp

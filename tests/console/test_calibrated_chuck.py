@@ -16,16 +16,21 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from console.cli.judgement import span_fields, span_line
-from console.session.data.calibrated_chuck import CalibratedMachine, calibrated, calibrated_or_stated, warnings_of
+from console.session.data.calibrated_chuck import (
+    CalibratedMachine,
+    apply_calibrations,
+    calibrated_or_stated,
+    warnings_of,
+)
 from console.session.data.kept_files import machines_folder
 from console.session.data.stop_records import record_path
-from console.session.work import opened
+from console.session.work import open_work
 from console.text.catalogue import load
 from console.text.catalogue import load as catalogue
-from console.tui.lines import plain
+from console.tui.lines import plain_text
 from console.tui.pages.run_lines import summary_lines
 from console.tui.pages.setup_lines import finding_lines, speed_lines
-from drivers.commissioning.fingerprint import ours, read_fingerprint
+from drivers.commissioning.fingerprint import console_facts, read_fingerprint
 from drivers.commissioning.stop_record import stop_key
 from drivers.cutting.planning import Strategy, first_spindle_counts, plan_cut
 from drivers.link.memory import MemoryLink
@@ -77,7 +82,7 @@ def wrench(folder: Path, slope: float, offset_n: float, sd_n: float) -> str:
 
 
 def with_calibrations(machine: MachineProfile, data: Path) -> CalibratedMachine:
-    return calibrated(replace(LOADED, machine=machine), data)
+    return apply_calibrations(replace(LOADED, machine=machine), data)
 
 
 def warned(job: Job, machine: MachineProfile) -> set[str]:
@@ -138,13 +143,13 @@ def test_what_a_profile_says_it_says_and_half_a_line_is_not_completed(
     """With a slope of its own the profile has no offset: that of another line would be of no line at all."""
     for name in ("lee-2001-lathe", "turbo-ethernet-lathe"):
         loaded = load_machine(name)
-        plain = calibrated(loaded, data)
+        plain = apply_calibrations(loaded, data)
         assert (plain.machine, plain.path, plain.sha256) == (loaded.machine, loaded.path, loaded.sha256)
-        assert (plain.used, plain.warnings) == ({}, ())
+        assert (plain.calibration_dates, plain.warnings) == ({}, ())
     for slope, told in ((377.0, []), (300.0, ["calibration.differs"])):
         assert console("calibrate", "chuck", wrench(tmp_path, slope, 0.0, 50.0), "--keep").code == 0
         found = with_calibrations(STATED, data)
-        assert (found.machine, found.used, set(found.sources.values())) == (STATED, {}, {""})
+        assert (found.machine, found.calibration_dates, set(found.sources.values())) == (STATED, {}, {""})
         assert [problem.code for problem in found.warnings] == told
     assert console("calibrate", "chuck", wrench(tmp_path, 300.0, 400.0, 60.0), "--affine", "--keep").code == 0
     only_slope: MachineProfile = replace(OPEN, chuck=replace(OPEN.chuck, force_per_torque_n_per_n_m=310.0))
@@ -156,13 +161,13 @@ def test_an_assumed_value_gives_way_to_a_measured_one(console: Console, tmp_path
     """The bundled lathe assumes 377 N/(N m) and 5 %; a line is one thing, and takes its offset along."""
     assert "chuck.force_per_torque_n_per_n_m" in LATHE.assumed
     told = console("calibrate", "chuck", wrench(tmp_path, 300.0, 400.0, 60.0), "--affine", "--keep", "--json")
-    found = calibrated(LOADED, data)
+    found = apply_calibrations(LOADED, data)
     chuck, profile = found.machine.chuck, told.json["found"]["profile"]
     assert {key: getattr(chuck, key) for key in profile} == profile
     assert chuck.force_offset_n == pytest.approx(400.0, abs=120.0)
     measured = {f"chuck.{key}" for key in profile}
     assert set(LATHE.assumed) - set(found.machine.assumed) == measured & set(LATHE.assumed)
-    assert found.used == dict.fromkeys(profile, told.json["date"])
+    assert found.calibration_dates == dict.fromkeys(profile, told.json["date"])
     assert found.warnings == ()
     assert (found.path, found.sha256) == (LOADED.path, LOADED.sha256)
     # The slope as it is stated: then neither of the two is the calibration's, and it is told.
@@ -170,14 +175,14 @@ def test_an_assumed_value_gives_way_to_a_measured_one(console: Console, tmp_path
     stays = with_calibrations(half, data)
     assert (stays.machine.chuck.force_per_torque_n_per_n_m, stays.machine.chuck.force_offset_n) == (377.0, None)
     assert [problem.code for problem in stays.warnings] == ["calibration.differs"]
-    assert set(stays.used) == {"force_sd_percent"}
+    assert set(stays.calibration_dates) == {"force_sd_percent"}
 
 
 def test_what_is_proven_does_not_look_at_calibrations(console: Console, tmp_path: Path, data: Path) -> None:
     """Stop record, what is ours on the card, and why a response is another one's: as without."""
     for table in (wrench(tmp_path, 300.0, 0.0, 50.0), jaws(tmp_path, length_mm=30.0, n_per_um=60.0, alpha=0.4)):
         assert console("calibrate", "chuck", table, "--keep").code == 0
-    found = calibrated(LOADED, data)
+    found = apply_calibrations(LOADED, data)
     assert found.machine.chuck != LATHE.chuck
     own, other = (replace(machine, chuck=LATHE.chuck, assumed=()) for machine in (LATHE, found.machine))
     assert own == other, "nothing but the chuck and what is assumed of it"
@@ -187,7 +192,7 @@ def test_what_is_proven_does_not_look_at_calibrations(console: Console, tmp_path
     before, after = (
         (
             stop_key(client, machine, client.dialect),
-            ours(machine, client.dialect),
+            console_facts(machine, client.dialect),
             read_fingerprint(client, machine, client.dialect).configuration,
             real_machine_problems(machine),
             record_path(data, machine),
@@ -217,7 +222,7 @@ def test_a_broken_calibration_is_refused(console: Console, tmp_path: Path, data:
     file.write_text("{" if broken == "not json" else json.dumps(record))
     code = "calibration.unusable" if broken == "wild" else "calibration.record"
     with pytest.raises(ProfileError, match=code):
-        calibrated(LOADED, data)
+        apply_calibrations(LOADED, data)
     for words in (("predict", JOB.name), ("preview", JOB.name), ("run", JOB.name, "--sim"), ("program", JOB.name)):
         said = console(*words)
         assert (said.code, said.out) == (1, "")
@@ -227,7 +232,7 @@ def test_a_broken_calibration_is_refused(console: Console, tmp_path: Path, data:
     assert [problem.code for problem in opened.warnings] == ["calibration.not_used", code]
     assert opened.warnings[1].where == str(file)
     told = " ".join(
-        plain(finding_lines(check(JOB, opened.machine), catalogue("en"), 60, 30, warnings_of(opened))).split()
+        plain_text(finding_lines(check(JOB, opened.machine), catalogue("en"), 60, 30, warnings_of(opened))).split()
     )
     assert "remove the file" in told and "NO chuck calibration is used" in told
 
@@ -243,7 +248,7 @@ def test_a_fit_that_is_no_whole_one_or_does_not_say_how_sure_it_is_is_none_of_ou
     for change in changes:
         file.write_text(json.dumps({**record, "found": {**record["found"], **change}}))
         with pytest.raises(ProfileError) as refused:
-            calibrated(LOADED, data)
+            apply_calibrations(LOADED, data)
         assert [problem.code for problem in refused.value.problems] == ["calibration.record"], change
     del record["found"]["slope_n_per_n_m"]
     file.write_text(json.dumps(record))
@@ -293,18 +298,20 @@ def test_a_calibration_of_another_chuck_is_not_used(console: Console, tmp_path: 
     record = json.loads(newer.read_text())
     assert record["chuck"] == LATHE.chuck.name
     newer.write_text(json.dumps({**record, "chuck": "collet"}))
-    found = calibrated(LOADED, data)
+    found = apply_calibrations(LOADED, data)
     assert found.machine.chuck.force_per_torque_n_per_n_m == pytest.approx(300.0, rel=0.02)
     assert found.warnings == ()
     older.unlink()
-    other = calibrated(LOADED, data)
-    assert other.machine == LATHE and other.used == {}
+    other = apply_calibrations(LOADED, data)
+    assert other.machine == LATHE and other.calibration_dates == {}
     (told,) = other.warnings
     assert (told.code, told.value, told.limit) == ("calibration.other_chuck", '"collet"', f'"{LATHE.chuck.name}"')
     assert "NOT used" in catalogue("en").problem(told) and "collet" in catalogue("ko").problem(told)
     no_name = {key: value for key, value in record.items() if key != "chuck"}
     newer.write_text(json.dumps(no_name))
-    assert calibrated(LOADED, data).used, "kept before the name was: nobody says that it is of another"
+    assert apply_calibrations(LOADED, data).calibration_dates, (
+        "kept before the name was: nobody says that it is of another"
+    )
 
 
 def test_the_force_of_a_clamping_is_as_sure_as_the_fit_says(console: Console, tmp_path: Path, data: Path) -> None:
@@ -316,7 +323,7 @@ def test_the_force_of_a_clamping_is_as_sure_as_the_fit_says(console: Console, tm
     kept = console("calibrate", "chuck", table, "--affine", "--torque", "25", "--keep", "--json").json
     band = kept["asked"]["torque 25"]
     job = replace(JOB, chucking_force_n=band["value"])
-    advice = clamping_advice(job, calibrated(LOADED, data).machine)
+    advice = clamping_advice(job, apply_calibrations(LOADED, data).machine)
     sd_n = (band["high"] - band["value"]) / student(10)
     assert 0.9 * sd_n < advice.at_rest_sd_n <= sd_n * (1.0 + 1e-6)
     assert advice.at_rest_sd_n == pytest.approx(math.hypot(advice.scatter_sd_n, advice.line_sd_n))
@@ -325,12 +332,12 @@ def test_the_force_of_a_clamping_is_as_sure_as_the_fit_says(console: Console, tm
 
 
 def form(job: Job, machine: MachineProfile) -> str:
-    return plain(speed_lines(job, machine, load("en"), 29, 7))
+    return plain_text(speed_lines(job, machine, load("en"), 29, 7))
 
 
 def arming(job: Job) -> str:
-    work = replace(opened(EXPERIMENT, LOADED), job=job)
-    return plain(summary_lines(load("en"), READY, work, 0.0, 40))
+    work = replace(open_work(EXPERIMENT, LOADED), job=job)
+    return plain_text(summary_lines(load("en"), READY, work, 0.0, 40))
 
 
 @given(
@@ -430,15 +437,15 @@ def test_a_measured_wrench_is_used_by_form_arming_preview_prediction_and_run(
     sd_n = math.hypot(1314 * sd_share, line_sd_n)
     most_n, words = 1970.2 * 0.05 / sd_share, f"6.57 N m ±{sd_n:.0f} N"
     data = data_folder / "trilobe"
-    machine = calibrated(load_machine("lee-2001-lathe", machines_folder(data)), data)
+    machine = apply_calibrations(load_machine("lee-2001-lathe", machines_folder(data)), data)
     shown = form(EXPERIMENT.job, machine.machine)
     assert f"621 … {most_n:.0f} N" in shown and words in shown
-    work = opened(EXPERIMENT, machine)
-    assert f"621 … {most_n:.0f} N" in plain(summary_lines(load("en"), READY, work, 0.0, 40))
+    work = open_work(EXPERIMENT, machine)
+    assert f"621 … {most_n:.0f} N" in plain_text(summary_lines(load("en"), READY, work, 0.0, 40))
     seen = console("preview", str(job), *close, "--json").json
     assert seen["margins"]["force_most_n"] == pytest.approx(most_n, rel=1e-3)
     assert seen["margins"]["force_limit"] == "scatter"
-    assert seen["calibrations"] == machine.used
+    assert seen["calibrations"] == machine.calibration_dates
     predicted = console("predict", str(job), *close, "--json").json["clamping"]
     assert predicted["maximum_n"] == seen["margins"]["force_most_n"]
     assert predicted["torque_n_m"] == pytest.approx(1314 / 200)

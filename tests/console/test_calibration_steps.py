@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from pytest import MonkeyPatch
 
-from console.session.cut.alignment import Alignment, Mounted, TouchOff
-from console.session.data.calibrated_chuck import calibrated
+from console.session.cut.alignment import Alignment, MountedEquipment, TouchOff
+from console.session.data.calibrated_chuck import apply_calibrations
 from console.session.data.calibrations import FOLDER
 from console.session.data.history import last_results
 from console.session.data.kept_files import is_ahead
@@ -98,7 +98,7 @@ def kept(data: Path) -> list[str]:
 
 
 def chuck_used(data: Path) -> tuple[float | None, ...]:
-    chuck = calibrated(LOADED, data).machine.chuck
+    chuck = apply_calibrations(LOADED, data).machine.chuck
     return (chuck.force_per_torque_n_per_n_m, chuck.jaw_stiffness_n_per_um, chuck.jaw_length_mm)
 
 
@@ -190,15 +190,18 @@ def test_an_older_record_is_not_used(
     table = wrench(tmp_path) if kind == "wrench" else jaws(tmp_path)
     assert console("calibrate", "chuck", table, "--keep").code == 0
     (first,) = (data / FOLDER).rglob("*.json")
-    good, (source,) = chuck_used(data), {each for each in calibrated(LOADED, data).sources.values() if each}
+    good, (source,) = (
+        chuck_used(data),
+        {each for each in apply_calibrations(LOADED, data).sources.values() if each},
+    )
     second = first.with_name(first.name.replace("000001", "000002"))
     second.write_text(first.read_text())
     scaled_record(second, factor)
-    found = calibrated(LOADED, data)
+    found = apply_calibrations(LOADED, data)
     assert [each.code for each in found.warnings] == ["calibration.step_kept"]
     assert chuck_used(data) == good and {each for each in found.sources.values() if each} == {source}
     first.unlink()
-    assert calibrated(LOADED, data).machine == LOADED.machine, "without another one, the profile"
+    assert apply_calibrations(LOADED, data).machine == LOADED.machine, "without another one, the profile"
     said = console("predict", JOB.name)
     assert "NOT used" in said.out + said.err
 
@@ -229,7 +232,7 @@ def test_no_calibration_widens_a_limit(
     loaded = replace(LOADED, machine=machine)
     for table in (wrench(tmp_path, 420.0, sd), jaws(tmp_path, length_mm=length_mm)):
         assert console("calibrate", "chuck", table, "--keep").code == 0
-    found = calibrated(loaded, data).machine
+    found = apply_calibrations(loaded, data).machine
     assert found.chuck.jaw_length_mm == pytest.approx(length_mm, rel=0.05)
     assert found.chuck.force_sd_percent != CHUCK.force_sd_percent
     for now, before in zip(limits(job, found), limits(job, machine), strict=True):
@@ -295,7 +298,7 @@ class SizeOfPart:
 def test_corrections_of_the_touch_off_do_not_add_up_to_one_that_is_refused() -> None:
     """Each is small; a touch-off 1.5 mm from the profile would be refused, and so is what they come to."""
     machine = LOADED.machine
-    on = Mounted(machine=machine.name, chuck=machine.chuck.name, tool=machine.tool.name)
+    on = MountedEquipment(machine=machine.name, chuck=machine.chuck.name, tool=machine.tool.name)
     measured = SizeOfPart()
     for off_mm, refused in ((1.2, False), (1.4, True)):
         touched = TouchOff(zero_radius_mm=machine.tool.home_radius_mm + off_mm, diameter_mm=52.0, at="", on=on)

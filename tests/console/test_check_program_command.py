@@ -12,8 +12,8 @@ import pytest
 import console as package
 from console.cli.part.check_program_report import PlainNumber
 from console.text.catalogue import load
-from console.text.columns import broken, cell_width
-from drivers.pmac.analysis.findings import Code, Said
+from console.text.columns import cell_width, wrap_text
+from drivers.pmac.analysis.findings import ExplanationSentence, FindingCode
 from tests.console.commands import Console
 
 ROOT = Path(__file__).parents[2]
@@ -272,12 +272,14 @@ def test_what_is_no_program_is_refused_in_one_line(console: Console, tmp_path: P
 def test_every_finding_and_every_sentence_has_its_words(language: str) -> None:
     (folder,) = package.__path__
     entries = tomllib.loads((Path(folder) / "text" / language / "check-program.toml").read_text("utf-8"))
-    target = {f"check.finding.{code}" for code in Code} | {f"check.said.{said}" for said in Said}
+    target = {f"check.finding.{code}" for code in FindingCode} | {
+        f"check.said.{said}" for said in ExplanationSentence
+    }
     assert target == {key for key in entries if key.startswith(("check.finding.", "check.said."))}
     assert load(language)("check.clean") == entries["check.clean"]
 
 
 def test_text_is_broken_at_spaces_by_cells() -> None:
-    assert broken("one two three", 7) == ["one two", "three"]
-    assert broken("한글 두 칸", 7) == ["한글 두", "칸"]
-    assert broken("unbreakable", 4) == ["unbreakable"]
+    assert wrap_text("one two three", 7) == ["one two", "three"]
+    assert wrap_text("한글 두 칸", 7) == ["한글 두", "칸"]
+    assert wrap_text("unbreakable", 4) == ["unbreakable"]

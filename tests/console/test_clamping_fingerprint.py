@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from console.session.cut.alignment import Alignment, clamped, handed_over, unclamped
+from console.session.cut.alignment import Alignment, clamp_blank, handed_over, unclamp_blank
 from console.session.learning.fingerprint import expected_of
 from console.session.station.commands import Indicate, TakeFingerprint
 from console.text.part_sentences import limit_um_pp
@@ -20,11 +20,11 @@ from profiles.chucking.holding import FORCE_SD_PERCENT
 from profiles.compensations.path import CutPath, target_path
 from profiles.fingerprint.readings import ClampReadings, parse_readings, read_readings, readings_text
 from profiles.fingerprint.this_clamping import (
-    Clamped,
+    ClampingCorrection,
     blank_over_part,
     clamped_by,
     clamping_scale,
-    felt,
+    evaluate_readings,
     known_lobe,
 )
 from profiles.job import Job
@@ -80,8 +80,8 @@ def test_the_indicator_reads_from_jaw_1_on_and_another_clamping_or_console_loses
     found = floor.do(Indicate(places=12)).indicated
     assert found is not None and found.from_jaw_1 and len(found.angle_deg) == 12
     assert found.full_um[0] == pytest.approx(min(found.full_um)), "the jaws press it in"
-    felt = replace(clamped(Alignment(), job, "08:00"), readings=readings(job, 1.0))
-    for after in (clamped(felt, job, "09:00"), unclamped(felt, "09:00"), handed_over(felt, "09:00")):
+    felt = replace(clamp_blank(Alignment(), job, "08:00"), readings=readings(job, 1.0))
+    for after in (clamp_blank(felt, job, "09:00"), unclamp_blank(felt, "09:00"), handed_over(felt, "09:00")):
         assert after.readings is None
 
 
@@ -209,7 +209,7 @@ GAIN, GAIN_TURN, FINGER = 0.05, JAWS * math.radians(1.0), 0.01
 DRAWN = 600
 
 
-def drawn(places: int, seed: int) -> tuple[np.ndarray, list[Clamped]]:
+def drawn(places: int, seed: int) -> tuple[np.ndarray, list[ClampingCorrection]]:
     """Return the true lobes of so many parts, amplitudes in um, and what a fingerprint of each says."""
     chance, scale = np.random.default_rng(seed), clamping_scale(JOB, MACHINE)
     height, turn, gain, gain_turn, force, finger = chance.normal(size=(6, DRAWN))
@@ -222,14 +222,14 @@ def drawn(places: int, seed: int) -> tuple[np.ndarray, list[Clamped]]:
     sprung = np.real(shown[:, None] * np.exp(1j * JAWS * np.radians(angles)))
     noise = READING_UM * chance.normal(size=(2, DRAWN, places))
     path = CutPath(target=target_path(JOB), command=target_path(JOB))
-    known = known_lobe(LOBE_UM + 0j, JOB, MACHINE, 0.07, 3.0).clamped()
+    known = known_lobe(LOBE_UM + 0j, JOB, MACHINE, 0.07, 3.0).predict_clamping()
     true_um, found = [], []
     for part, tight, full in zip(lobe * (1.0 + scale.at_speed * pull), noise[0], noise[1] - sprung, strict=True):
         read = ClampReadings(
             angle_deg=tuple(angles), finger_um=tuple(tight), full_um=tuple(full), graduation_um=READING_UM
         )
         with suppress(ProfileError):  # more than half of the lobe off: some in a thousand are refused
-            found.append(clamped_by(known, replace(felt(read, JOB), others={}), path, JAWS)[1])
+            found.append(clamped_by(known, replace(evaluate_readings(read, JOB), others={}), path, JAWS)[1])
             true_um.append(abs(part))
     return np.array(true_um), found
 

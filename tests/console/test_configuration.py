@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from pytest import MonkeyPatch
 
-from console.cli.configured import fill_in
+from console.cli.configured_options import fill_in
 from console.session.appearance import CHOICES, appearance_of, fault_in_keys, own_keys, own_keys_text
-from console.session.configuration import KEYS, Configuration, Origin, State, read_configuration
+from console.session.configuration import KEYS, Configuration, SettingOrigin, State, read_configuration
 from console.session.kept_settings import keep_settings
 from drivers.simulator.hosts.process import SimulatorProcess
 from profiles.problem import ProfileError
@@ -270,7 +270,11 @@ def test_every_setting_is_a_key_with_its_choices_and_later_places_win(tmp_path: 
         for value in choices:
             keep_settings(own, {key: value})
             found = read_configuration(environment, tmp_path / "no-site.toml")
-            assert (found.problems, found.value(key), found.settings[key].origin) == ((), value, Origin.FILE)
+            assert (found.problems, found.value(key), found.settings[key].origin) == (
+                (),
+                value,
+                SettingOrigin.FILE,
+            )
     found = read_configuration({**environment, "TRILOBE_THEME": "light", "TRILOBE_CALM": "yes"}, tmp_path / "no")
     assert found.settings["theme"].place == "TRILOBE_THEME"
     assert [(problem.key, problem.code) for problem in found.problems] == [("calm", "value.not_choice")]

@@ -17,7 +17,7 @@ from console.text.catalogue import LANGUAGES, load
 from console.text.checks import check_fields
 from drivers.commissioning.backup import backup_text
 from drivers.commissioning.check import Group
-from drivers.commissioning.configuration import Configuration
+from drivers.commissioning.configuration import ControllerConfiguration
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.setting_names import Nature, keys
 from drivers.commissioning.verification import StoppingDistance
@@ -170,7 +170,7 @@ def test_backup_then_diff(console: Console, card: Commissioned, tmp_path: Path) 
     other = "turbo" if card.dialect.name == "pmac" else "pmac"
     for text, word in (
         ("I116=400\n", ""),
-        (backup_text(Configuration(family=other, kind="K", version="1", settings={}), "D"), other),
+        (backup_text(ControllerConfiguration(family=other, kind="K", version="1", settings={}), "D"), other),
     ):
         file.write_text(text, encoding="ascii")
         said = console("controller", "diff", str(file))

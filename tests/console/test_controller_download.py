@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from pytest import MonkeyPatch
 
-from console.session.station.owning import take_lock
+from console.session.station.machine_control import take_lock
 from console.text.catalogue import LANGUAGES
 from drivers.errors import LinkError
 from profiles.problem import Problem

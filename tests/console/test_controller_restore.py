@@ -208,7 +208,7 @@ def test_how_far_a_reading_is_is_one_line(monkeypatch: MonkeyPatch, language: st
 
     monkeypatch.setattr("sys.__stderr__", terminal)
     monkeypatch.setattr(reading_progress, "PERIOD_S", 0.001)
-    with reading_progress.shown("configuration.reading", load(language), fraction):
+    with reading_progress.show_reading_progress("configuration.reading", load(language), fraction):
         assert seen.wait(5.0)
     said = terminal.getvalue()
     assert said.isascii() and "\\r" not in said
@@ -219,7 +219,7 @@ def test_how_far_a_reading_is_is_one_line(monkeypatch: MonkeyPatch, language: st
 def test_without_a_terminal_nothing_is_shown(monkeypatch: MonkeyPatch) -> None:
     quiet = io.StringIO()
     monkeypatch.setattr("sys.__stderr__", quiet)
-    with reading_progress.shown("configuration.reading", load("en"), lambda: 0.5):
+    with reading_progress.show_reading_progress("configuration.reading", load("en"), lambda: 0.5):
         pass
     assert quiet.getvalue() == ""
 

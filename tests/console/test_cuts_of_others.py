@@ -10,7 +10,7 @@ from pytest import MonkeyPatch
 
 from benchmarks.hostile_host import GOOD, JOB, Attack, Sent, WitnessedLathe, lathe_at, make, plan_of, said
 from console.session.cut.cut_verdict import CutJudgement
-from console.session.cut.engine import CutContext, Step
+from console.session.cut.engine import CutContext, PartStep
 from console.session.cut.in_process import simulated_context
 from console.session.cut.run import cut_part, plan_run
 from console.session.data.record_file import FILE_NAME
@@ -272,8 +272,8 @@ def cut_held_with(
     sim = WitnessedLathe(machine)
     lathe = lathe_at(sim, machine)
 
-    def tell(step: Step, _: str) -> None:
-        if step is Step.CUT and lines is not None:
+    def tell(step: PartStep, _: str) -> None:
+        if step is PartStep.CUT and lines is not None:
             at_s = sim.now_s() + begin * plan.duration_s
             first, later = (said(line, machine, plan) for line in lines)
             sim.due = [(at_s, first), (at_s + last_s, later)]
@@ -343,8 +343,8 @@ def test_what_was_undone_is_found(
     family: str, strategy: Strategy, first: str, later: str, after_s: float, for_s: float, outcome: str
 ) -> None:
     sent = [
-        Sent(step=Step.CUT, after_s=after_s, line=first),
-        Sent(step=Step.CUT, after_s=after_s + for_s, line=later),
+        Sent(step=PartStep.CUT, after_s=after_s, line=first),
+        Sent(step=PartStep.CUT, after_s=after_s + for_s, line=later),
     ]
     made, _ = make(family, strategy, Attack(name=first, length="", sent=tuple(sent)), 1)
     assert made.outcome == outcome
@@ -361,8 +361,8 @@ def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: M
     sim = WitnessedLathe(machine)
     lathe = lathe_at(sim, machine)
 
-    def tell(step: Step, _: str) -> None:
-        if step is Step.CUT:
+    def tell(step: PartStep, _: str) -> None:
+        if step is PartStep.CUT:
             begun_s = sim.now_s()
             lines = (said(f"{gain}/2", machine, plan), said(gain, machine, plan))
             sim.due = [(begun_s + 0.05 * plan.duration_s, lines[0]), (begun_s + 0.9 * plan.duration_s, lines[1])]
@@ -396,9 +396,9 @@ def test_no_version_is_learned_in_air_while_a_setting_changes(lines: tuple[str, 
     context, sim = simulated_context(MACHINE, ideal(MACHINE))
     told: list[str] = []
 
-    def tell(part: str, step: Step, _: str) -> None:
+    def tell(part: str, step: PartStep, _: str) -> None:
         told.append(f"{part} {step}")
-        if told.count("air cut") == 1 and step is Step.CUT:
+        if told.count("air cut") == 1 and step is PartStep.CUT:
             disturb(sim, *((1.5 + k, line) for k, line in enumerate(lines)))
 
     plan = plan_run(AIR_JOB, MACHINE, Strategy.CAM, watchdog=cut_condition(MACHINE))

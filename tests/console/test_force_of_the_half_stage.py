@@ -20,7 +20,7 @@ from console.session.guide.start_checks import checks
 from console.session.stages import Stage
 from console.session.station.commands import Arm, Start
 from console.session.station.state import StationState
-from console.session.work import Work, opened
+from console.session.work import Work, open_work
 from drivers.controller import Controller
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import BatchGather
@@ -29,7 +29,7 @@ from drivers.errors import LinkTimeoutError
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.gathering.gather_client import DataGathering
 from drivers.simulator.plant.presets import plant_named
-from profiles.compensations.force_null import ForceNull, Sign, Why, unknown
+from profiles.compensations.force_null import ForceNull, ForceNullReason, Sign, unknown
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import LoadedMachine, load_job, load_machine
@@ -86,8 +86,10 @@ def test_every_strategy_with_a_path_is_checked(strategy: Strategy) -> None:
 
 
 @pytest.mark.first(1)
-@pytest.mark.parametrize(("plant", "pressed", "why"), [("ideal", 1.0, Why.NO_FORCE), ("steady", 0.0, Why.ROUND)])
-def test_where_the_force_shows_nothing_it_says_why(plant: str, pressed: float, why: Why) -> None:
+@pytest.mark.parametrize(
+    ("plant", "pressed", "why"), [("ideal", 1.0, ForceNullReason.NO_FORCE), ("steady", 0.0, ForceNullReason.ROUND)]
+)
+def test_where_the_force_shows_nothing_it_says_why(plant: str, pressed: float, why: ForceNullReason) -> None:
     found = said(plant, 60.0, pressed=pressed)
     assert (found.sign, found.why, found.alarms) == (Sign.UNKNOWN, why, False)
 
@@ -116,7 +118,7 @@ def test_a_controller_that_does_not_gather_or_a_lost_line_costs_the_check_alone(
     else:
         monkeypatch.setattr(DataGathering, "prepare", refuse)
     result = cut()
-    assert result.force is not None and result.force.why is Why.NOT_GATHERED
+    assert result.force is not None and result.force.why is ForceNullReason.NOT_GATHERED
     assert result.after is not None
 
 
@@ -173,7 +175,7 @@ def test_on_the_screen_a_wrong_sign_is_warned_of_before_the_whole(tmp_path: Path
 
 
 def opened_work(machine: LoadedMachine) -> Work:
-    work = opened(load_job("lee-2001-experiment-1"), machine)
+    work = open_work(load_job("lee-2001-experiment-1"), machine)
     return replace(work, job=experiment_1())
 
 
@@ -219,7 +221,7 @@ def test_after_a_restart_arming_the_whole_says_it_from_the_record(tmp_path: Path
     state = again.do(Arm(**order, stage=Stage.FULL))
     machine = compact_machine()
     assert state.armed is not None
-    assert warned(state, opened(job, machine), machine) == ["force.wrong_sign"]
+    assert warned(state, open_work(job, machine), machine) == ["force.wrong_sign"]
 
 
 def test_five_turns_of_air_and_six_of_a_full_chip_are_gathered(monkeypatch: MonkeyPatch) -> None:
@@ -263,7 +265,7 @@ TURNED = ForceNull(
 
 
 def test_what_is_written_is_read_again_and_what_another_version_wrote_is_nothing() -> None:
-    for found in (TURNED, replace(TURNED, sign=Sign.AGREES), unknown(3, Why.ROUND)):
+    for found in (TURNED, replace(TURNED, sign=Sign.AGREES), unknown(3, ForceNullReason.ROUND)):
         assert force_of(json.dumps({"strategy": "cam", **force_event(found)})) == found
     nothing = ('{"force_null": 1}', '{"force_null": {"sign": "agrees"}}', '{"force_null": null}')
     assert [force_of(data) for data in ("{}", "[]", "{", *nothing)] == [None] * 6

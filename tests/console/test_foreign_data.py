@@ -26,12 +26,12 @@ from console.session.data import restore
 from console.session.data.backup import back_up
 from console.session.data.record_file import BESIDE_RECORDS, FILE_NAME
 from console.session.data.records import add_to_run
-from console.session.data.restore import MOST_HEADER_BYTES, checked
+from console.session.data.restore import MOST_HEADER_BYTES, check_archive
 from console.session.data.run_reader import runs, story
 from console.session.data.run_story import MOST_TRACE_BYTES
 from console.session.errors import SessionError
 from console.session.program_log import FILE, FOLDER, LOCK, note
-from console.session.station.owning import LOG_NAME
+from console.session.station.machine_control import LOG_NAME
 from console.site.study.running import NAME, journal
 from drivers.simulator.machine import SimulatedLathe
 from profiles.files import MOST_DEPTH, remove_all_left
@@ -99,7 +99,7 @@ def test_an_archive_of_thousands_of_nested_folders_is_refused(tmp_path: Path) ->
     deepest.mkdir(parents=True)
     _, left_out = back_up(data, tmp_path / "b.tar.gz")
     assert [problem.code for problem in left_out] == ["backup.left_out"]
-    assert len(checked(tmp_path / "b.tar.gz").folders) == MOST_DEPTH
+    assert len(check_archive(tmp_path / "b.tar.gz").folders) == MOST_DEPTH
 
 
 def test_thousands_of_nested_folders_in_a_shared_folder_end_no_command(tmp_path: Path) -> None:
@@ -194,7 +194,7 @@ def test_a_console_that_is_killed_while_it_makes_the_records_leaves_none(tmp_pat
     from console.session.data import record_file
 
     with MonkeyPatch.context() as patched:
-        patched.setattr(record_file, "connected", lambda *_: os._exit(0))
+        patched.setattr(record_file, "connect_records", lambda *_: os._exit(0))
         child = os.fork()
         if not child:
             try:

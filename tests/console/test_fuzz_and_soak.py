@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.data.record_file import FILE_NAME, opened
+from console.session.data.record_file import FILE_NAME, open_records
 from console.session.data.run_reader import runs
 from console.session.errors import SessionError
 from tests.console.reported_runs import lobed, recorded
@@ -93,5 +93,5 @@ def test_a_record_whose_schema_is_no_text_is_called_damaged(tmp_path: Path) -> N
     with pytest.raises(SessionError) as read:
         runs(tmp_path)
     with pytest.raises(SessionError) as written:
-        opened(tmp_path, time.monotonic())
+        open_records(tmp_path, time.monotonic())
     assert {error.value.problems[0].code for error in (read, written)} == {"record.damaged"}

@@ -13,7 +13,7 @@ import pytest
 from console.session.cut.alignment import JawAngle, TouchOff
 from console.session.data.health import kept_tests
 from console.session.data.health import store as store_test
-from console.session.data.identified import store
+from console.session.data.identified_responses import store
 from console.session.station.commands import (
     ApplyGains,
     Arm,
@@ -26,13 +26,13 @@ from console.session.station.commands import (
     Verify,
 )
 from console.session.station.state import Activity
-from console.session.tuning.air_proof import unproven
+from console.session.tuning.air_proof import find_missing_proofs
 from console.session.tuning.bounds import FAST_SWEEP, SLOW_SWEEP
 from console.session.tuning.proposal import gain_facts
-from console.session.tuning.standing import StandingTrial, listed
+from console.session.tuning.standing_trial import StandingTrial, format_gains
 from console.session.tuning.trial import TrialPlace, standing_trial
 from drivers.cutting.strategy import Strategy
-from drivers.lathe.standing import Standing
+from drivers.lathe.console_role import ConsoleRole
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from profiles.axis.sampled_loop import loop_of
@@ -126,7 +126,7 @@ def test_a_test_with_gains_on_trial_finds_what_the_model_says_of_them(owner: Wit
 def kept_model_of_the_profile() -> float:
     from profiles.axis.sampled_loop import loop_of
 
-    return float(abs(loop_of(load_machine(MACHINE).machine).closed([40.0])[0]))
+    return float(abs(loop_of(load_machine(MACHINE).machine).closed_loop([40.0])[0]))
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_a_value_that_is_not_taken_ends_it(owner: WithStation, tmp_path: Path, a
     assert [event["what"] for event in record(tmp_path)["events"]] == ["begun", "ended_early"]
     owner.station.close("end")
     again = station_of(owner.sim, tmp_path)
-    assert again.state.standing is Standing.OWNER and again.alarms == ["trial.stands"]
+    assert again.state.standing is ConsoleRole.OWNER and again.alarms == ["trial.stands"]
     state = again.do(RevertGains())
     assert (again.refusals, again.alarms, stands(again), state.trial) == ([], [], BEFORE, None)
     assert cause.code == code
@@ -331,7 +331,7 @@ def test_a_coefficient_of_the_profile_need_not_have_its_last_digit(tmp_path: Pat
     owner = station_of(SimulatedLathe(load_machine(MACHINE).machine), tmp_path)
     owner.do(order(FIRST | {"I136": -1.0927734375}))
     assert owner.refusals == []
-    assert "I136 -1.0927734375" in listed(tuple(record(tmp_path)["proposed"].items())), "it is shown with it"
+    assert "I136 -1.0927734375" in format_gains(tuple(record(tmp_path)["proposed"].items())), "it is shown with it"
     trial = standing_with(owner, tmp_path, FIRST | {"I136": -1.092773438})
     assert trial is not None and trial.whole
     assert [each.code for each in trial.problems] == ["trial.unproven"], "the profile has taken it over"
@@ -353,13 +353,13 @@ def test_a_bad_tool_proves_none(tmp_path: Path, amplitude_um: float, overshoot: 
     assert kept.result is not None
     machine = load_machine(MACHINE).machine
     loop = loop_of(machine)
-    found = unproven(tmp_path, machine, made.origin.gains, loop, simulated=True)
+    found = find_missing_proofs(tmp_path, machine, made.origin.gains, loop, simulated=True)
     assert [problem.code for problem in found] == codes
     assert "I160" not in made.origin.gains
-    unknown = unproven(tmp_path, machine, {**made.origin.gains, "I160": 0.0}, loop, simulated=True)
+    unknown = find_missing_proofs(tmp_path, machine, {**made.origin.gains, "I160": 0.0}, loop, simulated=True)
     assert [problem.code for problem in unknown] == ["trial.unproven"], "what a test does not name it did not have"
     other = {**made.origin.gains, "I130": 1.0}
-    untried = unproven(tmp_path, machine, other, loop, simulated=True)
+    untried = find_missing_proofs(tmp_path, machine, other, loop, simulated=True)
     assert [problem.code for problem in untried] == ["trial.unproven"]
 
 

@@ -16,16 +16,16 @@ from pytest import MonkeyPatch
 
 from console.cli.machine.identify_run import Teller
 from console.session.data.health import kept_tests
-from console.session.data.identified import load, store
+from console.session.data.identified_responses import load, store
 from console.session.signals import Interruption
 from console.session.station.commands import CheckHealth, EnableDrives, Home, IdentifyTool, ReadLoop
-from console.session.station.owning import Owning
-from console.session.station.reaching import Reached
+from console.session.station.machine_connection import ConnectedMachine
+from console.session.station.machine_control import MachineControl
 from console.session.station.state import Activity
 from console.text.catalogue import load as words
 from drivers.cutting.strategy import Strategy
 from drivers.identification.request import IdentificationRequest
-from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin, as_table, from_table
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, ResponseOrigin, as_table, from_table
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.machine import SimulatedLathe
@@ -40,7 +40,7 @@ from tests.drivers.identification_bench import Stand, stand
 from tests.drivers.test_identification_refused import disturb
 from tests.signed_profile import signed_copy
 
-ORIGIN = Origin(
+ORIGIN = ResponseOrigin(
     machine="lee-2001-lathe",
     simulated=False,
     version="1.17",
@@ -169,13 +169,13 @@ def true_position(machine: MachineProfile, monkeypatch: MonkeyPatch, data: Path)
     signed_copy(machine.name, data / "trilobe" / "machines")
     made = stand(machine)
 
-    def reach(*_: object) -> Reached:
-        return Reached(
+    def reach(*_: object) -> ConnectedMachine:
+        return ConnectedMachine(
             client=made.rig.client,
             lathe=made.rig.lathe,
             heartbeat=Heartbeat(made.rig.client, made.clock, machine),
             stop=made.stop,
-            owning=Owning(made.rig.lathe, "tcp:lathe:1", data),
+            owning=MachineControl(made.rig.lathe, "tcp:lathe:1", data),
             clock=made.clock,
             address="tcp:lathe:1",
             shop=None,
@@ -322,10 +322,10 @@ def test_the_gains_are_those_of_the_controller_whoever_has_written_them(tmp_path
     owner.client.request("I136=-1.5", lines=0)
     owner.client.request("I168=40", lines=0)
     loop = known(owner.do(ReadLoop()).tool_loop)
-    assert (loop.gains["I130"], loop.gains["I131"], loop.unmodelled) == (600.0, 4905.0, ("I168",))
+    assert (loop.gains["I130"], loop.gains["I131"], loop.unmodelled_settings) == (600.0, 4905.0, ("I168",))
     assert loop.gains["I136"] == -1.5, "the model has the notch filter"
     assert loop.servo_period_ms == pytest.approx(0.4427083730697632)
-    assert loop.on(machine).controller.variables["I130"] == 600.0
+    assert loop.apply_to(machine).controller.variables["I130"] == 600.0
     # It may be read by a console that only observes, and writes nothing.
     observer = station_of(sim, tmp_path / "other", locking=False)
     assert not observer.state.controls

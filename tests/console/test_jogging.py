@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from console.session.cut.alignment import Alignment, Mounted, TouchOff, clamping_of
+from console.session.cut.alignment import Alignment, MountedEquipment, TouchOff, clamping_of
 from console.session.station.durations import jog_s
 from console.session.station.jogging import (
     STEPS_DEG,
@@ -83,7 +83,7 @@ def test_no_step_goes_further_faster_or_longer_than_is_promised(
     machine: MachineProfile, axis: AxisName, rung: int
 ) -> None:
     """A stop in it may go beyond the step where the abort is soft, and is told so."""
-    step = Steps(mm=rung, deg=rung).of(axis)
+    step = Steps(mm=rung, deg=rung).step_length(axis)
     for lathe in (machine, with_variable(machine, f"I{MOTORS[axis]}15", 0.01)):
         assert farthest(lathe, axis, step) <= stopping_distance(lathe, axis, step) + 1e-9
     pieces = trajectory(machine, axis, step)
@@ -104,7 +104,7 @@ def test_how_far_a_step_of_the_tool_runs_on(machine: MachineProfile) -> None:
 
 
 def test_the_ladder_of_steps_and_how_long_one_may_be() -> None:
-    assert [Steps(mm=2, deg=2).of(axis) for axis in AxisName] == [0.1, 1.0, 0.1]
+    assert [Steps(mm=2, deg=2).step_length(axis) for axis in AxisName] == [0.1, 1.0, 0.1]
     assert len(STEPS_MM) == len(STEPS_DEG)
     assert [longest_in_mm(gap_mm) for gap_mm in (None, 2.5, -0.1)] == [1.0, 2.5, 0.01]
     assert (is_too_long(1.0, 0.9996), is_too_long(1.0, 0.9990)) == (False, True), "half a micrometre is nothing"
@@ -185,7 +185,7 @@ def test_beside_the_part_and_with_an_empty_chuck_a_step_is_as_long_as_ever(machi
 
 def test_a_touch_off_of_another_tool_does_not_tell_where_this_one_is(machine: MachineProfile) -> None:
     touched = TouchOff(zero_radius_mm=77.5, diameter_mm=48.0, at="08:45")
-    ring = replace(clamped_ring(), touch_off=touched, on=Mounted(tool="another"))
+    ring = replace(clamped_ring(), touch_off=touched, on=MountedEquipment(tool="another"))
     assert longest_toward_mm(over_the_part(51.0, OVER_MM), machine, ring) == pytest.approx(0.1)
     # 0.3 mm from the surface by the profile, and a touch-off may find it 1.5 mm elsewhere.
     near = over_the_part(51.7, OVER_MM)

@@ -12,14 +12,14 @@ import pytest
 
 from console.cli.commands import build
 from console.cli.machine.run_cut import learn_hint, tell_cut_with
-from console.cli.machine.run_request import requested
+from console.cli.machine.run_request import plan_request
 from console.session.data.learned_store import asked_for, store
 from console.session.data.measured_part import MadeWith, made_with
 from console.session.errors import SessionError
 from console.session.stages import nominal_path
 from console.text.catalogue import load
 from drivers.cutting.strategy import Strategy
-from profiles.compensations.learned import model_again
+from profiles.compensations.learned_compensation import model_again
 from profiles.store import load_job, load_machine
 from tests.console.commands import Console, JobFile
 from tests.signed_profile import signed_copy
@@ -120,7 +120,7 @@ def learned(console: Console, ring: str, tmp_path: Path) -> str:
 def test_a_run_without_what_was_learned_says_so(console: Console, ring: str, learned: str) -> None:
     def unused(*words: str) -> list[tuple[str, str, str]]:
         options = build(load("en")).parse_args(["run", ring, "--sim", *words])
-        found = [(problem.code, problem.key, problem.value) for problem in requested(options).warnings]
+        found = [(problem.code, problem.key, problem.value) for problem in plan_request(options).warnings]
         return [each for each in found if each[0].startswith("learned.")]
 
     assert unused("--strategy", "cam") == unused("--strategy", "pvt") == [("learned.not_used", "1", "cam")]
@@ -221,7 +221,7 @@ def test_the_last_line_says_how_to_learn(ring: str, tmp_path: Path, capsys: pyte
     text, machine = load("en"), str(signed_copy("lee-2001-lathe", tmp_path))
     words = ["run", ring, "--machine", machine, "--link", "tcp:127.0.0.1:1", "--data", str(tmp_path)]
     options = build(text).parse_args(words)
-    order = requested(options)
+    order = plan_request(options)
     tell_cut_with(options, order, text)
     assert capsys.readouterr().out == "pvt, full compensation: from the job alone, nothing learned\n"
     assert learn_hint(options, order, text) == [

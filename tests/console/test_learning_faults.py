@@ -10,7 +10,7 @@ import pytest
 from pytest import MonkeyPatch
 
 from benchmarks.learning import OFF, lobe_um_pp
-from console.session.cut.engine import CutContext, Step
+from console.session.cut.engine import CutContext, PartStep
 from console.session.cut.run import plan_run
 from console.session.learning import learning
 from console.session.learning.learning import learn
@@ -128,8 +128,8 @@ class Row:
         lathe = Lathe(client, MACHINE, self.sim, StopPath(link), seen=self.see, heartbeat=heartbeat)
         return CutContext(lathe=lathe, workshop=self.sim)
 
-    def tell(self, part: str, step: Step, _: str) -> None:
-        if part == "part" and step is Step.CUT:
+    def tell(self, part: str, step: PartStep, _: str) -> None:
+        if part == "part" and step is PartStep.CUT:
             self.due_s = self.sim.now_s() + IN_CUT_S
 
     def see(self, snapshot: Snapshot) -> None:
@@ -174,9 +174,9 @@ def test_a_line_of_9600_baud_is_asked_for_shorter_pieces(monkeypatch: MonkeyPatc
     row = Row(lambda _: None)
     slow = row.tell
 
-    def tell(part: str, step: Step, detail: str) -> None:
+    def tell(part: str, step: PartStep, detail: str) -> None:
         slow(part, step, detail)
-        if part == "part" and step is Step.CUT:
+        if part == "part" and step is PartStep.CUT:
             row.sim.faults.inject("9600-baud", baud=9600.0)
 
     monkeypatch.setattr(row, "tell", tell)

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from console.session.cut.simulated_parts import next_part
-from console.session.data.identified import asked_response, kept_responses
-from console.session.data.identified import store as store_response
+from console.session.data.identified_responses import asked_response, kept_responses
+from console.session.data.identified_responses import store as store_response
 from console.session.data.learned_store import asked_for, store
 from console.session.data.measured_part import CutPart, cuts_of, parts_made
 from console.session.data.run_reader import measured_parts, runs, story
@@ -34,13 +34,13 @@ from console.session.station.commands import (
     TakeTouchOff,
 )
 from console.session.station.progress import CutStage
-from console.session.station.state import Armed, MeasuredPart, StationState
+from console.session.station.state import ArmedCut, MeasuredPart, StationState
 from drivers.cutting.strategy import Strategy
 from drivers.identification.nominal import nominal_response
-from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, ResponseOrigin
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.which_lathe import WhichLathe
-from profiles.compensations.learned import LearnedCompensation, model_again
+from profiles.compensations.learned_compensation import LearnedCompensation, model_again
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
@@ -66,7 +66,7 @@ class Shop:
         known = {"job": self.job.job, "job_sha256": self.job.sha256, "strategy": Strategy.CAM, "loaded": self.job}
         return self.floor.do(Arm(**{**known, **more}))
 
-    def armed(self, **more: Any) -> Armed:
+    def armed(self, **more: Any) -> ArmedCut:
         state = self.order(**more)
         assert state.armed is not None, state.refusals
         return state.armed
@@ -290,7 +290,7 @@ def of_model(
         )
     period_ms = machine.controller.servo_period_ms
     return IdentifiedResponse(
-        origin=Origin(**{**told, "servo_period_ms": period_ms, **of}),
+        origin=ResponseOrigin(**{**told, "servo_period_ms": period_ms, **of}),
         path=path,
         how="measured",
         delay_cycles=0,

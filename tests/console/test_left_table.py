@@ -23,8 +23,8 @@ from console.session.station.commands import (
     Start,
     Verify,
 )
+from console.session.station.machine_connection import CommissioningGate
 from console.session.station.progress import CutStage
-from console.session.station.reaching import Commissioned
 from console.session.station.state import Activity, StationState
 from console.tui.page import Page
 from console.tui.pages.align import AlignPage
@@ -45,7 +45,7 @@ def commissioned(floor: Floor, data: Path) -> None:
     client, machine = floor.context.client, floor.context.loaded_machine.machine
     assert client is not None
     program, heartbeat = floor.context.lathe.program, Heartbeat(client, floor.sim, machine)
-    floor.context.commissioned = Commissioned(
+    floor.context.commissioned = CommissioningGate(
         client, heartbeat, machine, data, lambda: program.definitions, simulated=True
     )
     store(data, machine, simulated_record(machine, DIALECTS["pmac"], date.today()))
@@ -129,9 +129,9 @@ class Keys:
 
     def press(self, page: Page, action: str) -> str:
         """Press a key, and return what it was answered."""
-        self.ui.said = ()
+        self.ui.key_answer = ()
         page.act(action)
-        return " ".join(self.ui.text.problem(each) for each in (*self.ui.said, *self.state.refusals))
+        return " ".join(self.ui.text.problem(each) for each in (*self.ui.key_answer, *self.state.refusals))
 
     def next_step(self, page: Page) -> str:
         return "".join(words for words, _ in page.next_step(self.ui.view))

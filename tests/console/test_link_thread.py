@@ -16,7 +16,7 @@ from pytest import MonkeyPatch
 from console.session.station import link_thread
 from console.session.station.alarms import Priority
 from console.session.station.commands import Acknowledge, Command, EnableDrives, Home, Start
-from console.session.station.link.opening import Opened
+from console.session.station.link.opening import OpenMachine
 from console.session.station.link_thread import LinkThread
 from console.session.station.state import Activity, StationState
 from drivers.errors import LinkError
@@ -30,11 +30,11 @@ from tests.console.floor import Floor, experiment_1, in_turn, open_floor
 SOON_S = 10.0
 
 
-def opened(floor: Floor, close: Callable[[], None] = lambda: None) -> Opened:
-    return Opened(station=floor.station, stop=floor.stop, close=close)
+def opened(floor: Floor, close: Callable[[], None] = lambda: None) -> OpenMachine:
+    return OpenMachine(station=floor.station, stop=floor.stop, close=close)
 
 
-def thread(open_machine: Callable[[], Opened]) -> LinkThread:
+def thread(open_machine: Callable[[], OpenMachine]) -> LinkThread:
     return LinkThread("a lathe", True, open_machine)
 
 
@@ -74,7 +74,7 @@ def ordered(link: LinkThread, intent: Command) -> None:
 def test_a_stop_before_the_machine_comes_first(act: Callable[[LinkThread, str], None], floor: Floor) -> None:
     go = threading.Event()
 
-    def open_slowly() -> Opened:
+    def open_slowly() -> OpenMachine:
         assert go.wait(SOON_S)
         return opened(floor)
 
@@ -169,7 +169,7 @@ def test_an_end_between_an_order_and_its_beginning_lets_nothing_move(floor: Floo
     ],
 )
 def test_a_machine_that_cannot_be_opened_says_why(fault: Exception, code: str) -> None:
-    def fail() -> Opened:
+    def fail() -> OpenMachine:
         raise fault
 
     link = thread(fail)
@@ -370,6 +370,6 @@ def test_held_time_judges_no_watchdog(aligned: Floor, held: bool, monkeypatch: M
     times = count()
     held_s = (lambda: float(next(times))) if held else None
     guard = heartbeat.Heartbeat(aligned.lathe._client, aligned.sim, aligned.context.machine, held_s=held_s)
-    _, problems = guard._looked()
+    _, problems = guard._read_heartbeat()
     assert [problem.code for problem in problems] == ([] if held else [RATE])
     assert next(readings) == RATE_READINGS

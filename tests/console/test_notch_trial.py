@@ -9,7 +9,7 @@ import pytest
 
 from console.session.data.health import kept_tests
 from console.session.data.health import store as store_test
-from console.session.data.identified import store
+from console.session.data.identified_responses import store
 from console.session.station.commands import (
     ApplyGains,
     CheckHealth,
@@ -27,7 +27,7 @@ from console.session.tuning.trial import TrialPlace, air_doubts
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from profiles.axis.loop_design import unseen_hz
-from profiles.axis.notch import Notch, Reading
+from profiles.axis.notch import Notch, SignConvention
 from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo_gains import gains_from_variables, notch_settings, with_variables
 from profiles.store import load_machine
@@ -37,7 +37,7 @@ from tests.console.test_gain_trial import BEFORE, LATHE, PUBLISHED, cut_after, f
 from tests.tui.tune_stage import FIRST, bending, filter_test, identified, swept
 
 
-def station_with(data: Path, reading: Reading, friction_n: float = 0.0) -> WithStation:
+def station_with(data: Path, reading: SignConvention, friction_n: float = 0.0) -> WithStation:
     """A console at a lathe that bends, whose controller reads a filter in its own way."""
     file = data / "bends.toml"
     plant = (
@@ -86,17 +86,17 @@ def test_a_health_test_from_before_there_was_a_filter_tells_nothing_of_how_it_is
     """The same step with the filter named tells it: its numbers are those of the filtered loop."""
     machine, plant = with_variables(LATHE, FIRST), bending().plant
 
-    def read_from(gains: dict[str, float]) -> Reading | None:
+    def read_from(gains: dict[str, float]) -> SignConvention | None:
         store_test(tmp_path, filter_test(gains))
         return seen_reading(machine, tmp_path, plant, NO_FIRMWARE, simulated=True)
 
     assert read_from({name: value for name, value in FIRST.items() if name <= "I135"}) is None
-    assert read_from(FIRST) is Reading.STATED
+    assert read_from(FIRST) is SignConvention.STATED
 
 
 def test_a_filter_is_written_read_back_kept_on_disk_and_taken_back(tmp_path: Path) -> None:
     fill(tmp_path)
-    owner = station_with(tmp_path, Reading.STATED)
+    owner = station_with(tmp_path, SignConvention.STATED)
     settings = {**FIRST}
     owner.do(ApplyGains(settings=tuple(settings.items()), shown=tuple(BEFORE.items())))
     assert (owner.refusals, owner.alarms, stands(owner)) == ([], ["trial.active"], settings)
@@ -133,7 +133,7 @@ def test_a_link_that_is_cut_while_a_filter_is_written_leaves_a_loop_without_forc
 def test_a_filter_that_would_not_be_safe_otherwise_is_refused_before_a_test(tmp_path: Path) -> None:
     """The stiff one, for a controller whose reading is known: unstable with the signs of its zeros turned."""
     fill(tmp_path)
-    owner = station_with(tmp_path, Reading.STATED)
+    owner = station_with(tmp_path, SignConvention.STATED)
     owner.do(ApplyGains(settings=tuple(STIFF.items()), shown=tuple(BEFORE.items())))
     assert owner.refusals == ["trial.notch_unsafe"] and stands(owner) == BEFORE
 
@@ -141,7 +141,7 @@ def test_a_filter_that_would_not_be_safe_otherwise_is_refused_before_a_test(tmp_
 @pytest.mark.parametrize("value", [2.5, 2.0, -2.25])
 def test_a_coefficient_that_a_controller_takes_for_another_is_refused(tmp_path: Path, value: float) -> None:
     """2 becomes -2 in its 24 bits (tests/drivers/test_tool_servo.py)."""
-    owner = station_with(tmp_path, Reading.STATED)
+    owner = station_with(tmp_path, SignConvention.STATED)
     beyond = {**FIRST, "I138": value}
     owner.do(ApplyGains(settings=tuple(beyond.items()), shown=tuple(BEFORE.items())))
     assert owner.refusals == ["trial.range"] and stands(owner) == BEFORE
@@ -220,12 +220,12 @@ def test_a_filter_that_a_hidden_mode_might_meet_is_told(tmp_path: Path, present:
 @pytest.mark.long
 def test_proven_in_air_it_makes_room_for_a_stiffer_one(tmp_path: Path) -> None:
     fill(tmp_path)
-    owner = station_with(tmp_path, Reading.STATED)
+    owner = station_with(tmp_path, SignConvention.STATED)
     first = proposed(owner, tmp_path)
     assert [note.code for note in first.notes] == ["trial.first_notch"]
     apply(owner, first)
     assert doubts_after_a_test(owner, tmp_path) == []
-    assert known_loop(LATHE, tmp_path, simulated=False).reading is Reading.STATED
+    assert known_loop(LATHE, tmp_path, simulated=False).reading is SignConvention.STATED
     second = proposed(owner, tmp_path)
     assert second.stiffness is not None and second.notes == ()
     assert second.stiffness[1].most_um_per_n < 0.3 * second.stiffness[0].most_um_per_n
@@ -241,9 +241,16 @@ def test_proven_in_air_it_makes_room_for_a_stiffer_one(tmp_path: Path) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("reading", "friction_n"),
-    [(Reading.NUMERATOR, 0.0), (Reading.DENOMINATOR, 0.0), (Reading.BOTH, 0.0), (Reading.DENOMINATOR, 1.0)],
+    [
+        (SignConvention.NUMERATOR, 0.0),
+        (SignConvention.DENOMINATOR, 0.0),
+        (SignConvention.BOTH, 0.0),
+        (SignConvention.DENOMINATOR, 1.0),
+    ],
 )
-def test_a_controller_that_reads_it_otherwise_is_told(tmp_path: Path, reading: Reading, friction_n: float) -> None:
+def test_a_controller_that_reads_it_otherwise_is_told(
+    tmp_path: Path, reading: SignConvention, friction_n: float
+) -> None:
     fill(tmp_path)
     owner = station_with(tmp_path, reading, friction_n)
     apply(owner, proposed(owner, tmp_path))
@@ -258,7 +265,7 @@ def test_a_controller_that_reads_it_otherwise_is_told(tmp_path: Path, reading: R
 
 def test_a_trial_of_gains_alone_from_before_is_taken_back(tmp_path: Path) -> None:
     """Its file names four gains: there was no filter, neither before nor proposed."""
-    owner = station_with(tmp_path, Reading.STATED)
+    owner = station_with(tmp_path, SignConvention.STATED)
     owner.do(ApplyGains(settings=tuple({**BEFORE, "I130": 264.0}.items()), shown=tuple(BEFORE.items())))
     file = tmp_path / "trials" / MACHINE / "trial-000001.json"
     text = file.read_text("utf-8")

@@ -50,17 +50,17 @@ from console.session.station.commands import (
 )
 from console.session.station.handlers import HANDLERS
 from console.session.station.link.onlookers import Onlookers
-from console.session.station.link.opening import Opened
+from console.session.station.link.opening import OpenMachine
 from console.session.station.link_thread import LinkThread
-from console.session.station.owning import Owning
-from console.session.station.state import Activity, Armed, StationState
+from console.session.station.machine_control import MachineControl
+from console.session.station.state import Activity, ArmedCut, StationState
 from console.session.terminal_place import UNKNOWN, remote_client, signed_host
 from console.text.catalogue import load
 from console.tui.frame import observing, onlookers
 from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.console_role import BY_SSH, ConsoleRole
 from drivers.lathe.ownership import BYTES
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.standing import BY_SSH, Standing
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, WithStation, logged, station_of
@@ -136,21 +136,21 @@ def in_a_jog(owner: WithStation, act: Callable[[], object], way_mm: float = 5.0)
     assert done
 
 
-def armed(sim: SimulatedLathe, owner: WithStation) -> Armed:
+def armed(sim: SimulatedLathe, owner: WithStation) -> ArmedCut:
     plan = plan_cut(JOB, owner.context.machine, Strategy.PVT)
     alignment = owner.state.alignment
     made = MadeWith(compensation="none", strategy="pvt", stage="full", inverted="model")
     until_s = sim.now_s() + 10.0
-    return Armed(job=JOB, strategy=Strategy.PVT, plan=plan, alignment=alignment, until_s=until_s, made=made)
+    return ArmedCut(job=JOB, strategy=Strategy.PVT, plan=plan, alignment=alignment, until_s=until_s, made=made)
 
 
 def test_a_second_console_looks_on_and_says_why(
     sim: SimulatedLathe, owner: WithStation, observer: WithStation, tmp_path: Path
 ) -> None:
-    assert (owner.state.standing, owner.alarms) == (Standing.OWNER, [])
+    assert (owner.state.standing, owner.alarms) == (ConsoleRole.OWNER, [])
     beside = station_of(sim, tmp_path / "here")  # of the same computer
     for each, why in ((observer, "owner.held"), (beside, "owner.beside")):
-        assert (each.state.standing, each.alarms) == (Standing.OBSERVER, [why])
+        assert (each.state.standing, each.alarms) == (ConsoleRole.OBSERVER, [why])
         state = each.look()
         assert state.holder == owner.number
         assert state.activity is Activity.READY and state.snapshot is not None
@@ -230,7 +230,7 @@ def test_an_observer_that_stops_at_rest_changes_nothing(ready: WithStation, obse
 
 def test_at_rest_the_machine_is_taken_over(ready: WithStation, observer: WithStation, tmp_path: Path) -> None:
     state = observer.do(TakeControl())
-    assert (state.standing, state.holder) == (Standing.OWNER, observer.number)
+    assert (state.standing, state.holder) == (ConsoleRole.OWNER, observer.number)
     assert observer.on_the_card == observer.number
     assert observer.alarms == [] and state.alignment.settings == () and state.alignment.jaw is None
     assert logged(tmp_path / "there") == [
@@ -247,7 +247,7 @@ def test_in_motion_a_take_over_is_refused(ready: WithStation, observer: WithStat
     observer.hear()
     in_a_jog(ready, lambda: observer.do(TakeControl()))
     assert observer.refusals == ["owner.moving"]
-    assert observer.state.standing is Standing.OBSERVER and observer.on_the_card == ready.number
+    assert observer.state.standing is ConsoleRole.OBSERVER and observer.on_the_card == ready.number
     said = observer.hear()
     assert b"=" not in said and not set(said) & set(STOPS)
     assert ready.refusals == [] and ready.alarms == []
@@ -257,7 +257,7 @@ def test_who_was_ousted_sends_only_stops(sim: SimulatedLathe, ready: WithStation
     ready.context.tell(armed=armed(sim, ready))
     observer.do(TakeControl())
     state = ready.look()
-    assert (state.standing, state.holder, state.armed) == (Standing.OUSTED, observer.number, None)
+    assert (state.standing, state.holder, state.armed) == (ConsoleRole.OUSTED, observer.number, None)
     for _ in range(3):
         ready.look()
     (alarm,) = ready.state.alarms
@@ -300,12 +300,12 @@ def test_who_takes_the_machine_back_finds_nothing_aligned(ready: WithStation, ob
     observer.do(TakeControl())
     ready.look()
     ready.do(TakeControl())
-    assert ready.state.standing is Standing.OWNER and "owner.ousted" not in ready.alarms
+    assert ready.state.standing is ConsoleRole.OWNER and "owner.ousted" not in ready.alarms
     assert [problem.code.partition(".")[2] for problem in problems(ready.state.alignment, JOB)] == [
         *("handed_over", "no_clamping", "no_jaw", "no_touch_off")
     ]
     observer.look()
-    assert observer.state.standing is Standing.OUSTED and observer.alarms == ["owner.ousted"]
+    assert observer.state.standing is ConsoleRole.OUSTED and observer.alarms == ["owner.ousted"]
     in_a_jog(ready, observer.look)
     assert ready.refusals == []
 
@@ -313,7 +313,7 @@ def test_who_takes_the_machine_back_finds_nothing_aligned(ready: WithStation, ob
 def test_the_machine_of_an_owner_that_has_left_is_taken_at_once(owner: WithStation, observer: WithStation) -> None:
     owner.station.close("quit")
     assert observer.look().holder == 0
-    assert observer.do(TakeControl()).standing is Standing.OWNER
+    assert observer.do(TakeControl()).standing is ConsoleRole.OWNER
     assert observer.on_the_card == observer.number
 
 
@@ -329,7 +329,7 @@ def test_a_fault_of_the_console_itself_opens_the_loops_of_ones_own_machine_alone
     monkeypatch.setattr(console.station, "step", fails)
     monkeypatch.setattr(console.station, "connect", lambda: True)
     console.hear()
-    opened = Opened(station=console.station, stop=console.stop, close=lambda: None)
+    opened = OpenMachine(station=console.station, stop=console.stop, close=lambda: None)
     link = LinkThread("a lathe", False, lambda: opened, give_up=lambda _: None)
     link.start()
     link.open()
@@ -461,12 +461,12 @@ def test_what_is_signed_fits_and_tells_ssh_from_a_computer() -> None:
     ],
 )
 def test_where_control_comes_from(tmp_path: Path, monkeypatch: MonkeyPatch, client: str, shown: str) -> None:
-    begin = Owning.__init__
+    begin = MachineControl.__init__
 
-    def far(self: Owning, *given: object, **named: object) -> None:
+    def far(self: MachineControl, *given: object, **named: object) -> None:
         begin(self, *given, **(named | ({"client": client} if named.get("name") == "kim" else {})))  # type: ignore[arg-type]
 
-    monkeypatch.setattr(Owning, "__init__", far)
+    monkeypatch.setattr(MachineControl, "__init__", far)
     sim = SimulatedLathe(load_machine(MACHINE).machine)
     station_of(sim, tmp_path / "here", name="kim")
     lee = station_of(sim, tmp_path / "there", name="lee")

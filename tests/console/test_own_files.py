@@ -15,20 +15,20 @@ from typing import Any
 import pytest
 from pytest import MonkeyPatch
 
-from console.session.data import calibrations, identified, learned_store, stop_records
-from console.session.data.calibrated_chuck import calibrated
+from console.session.data import calibrations, identified_responses, learned_store, stop_records
+from console.session.data.calibrated_chuck import apply_calibrations
 from console.session.data.history import last_results
 from console.session.data.kept_files import data_folder
 from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import cuts_of, parts_made
 from console.session.data.records import RunRecord
-from drivers.commissioning.stop_record import Origin, StopEntry, StopRecord, Way
+from drivers.commissioning.stop_record import PriorMotion, StopEntry, StopMethod, StopRecord
 from drivers.link.base import StopWay
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.machine import SimulatedLathe
 from profiles.calibration.wrench import fit_wrench
-from profiles.compensations.learned import HoldsFor, LearnedCompensation, PartReading
+from profiles.compensations.learned_compensation import HoldsFor, LearnedCompensation, PartReading
 from profiles.compensations.path import CutPath, LobedPath, PathHarmonic
 from profiles.problem import ProblemError, ProfileError
 from profiles.store import load_job, load_machine
@@ -60,7 +60,9 @@ CALIBRATION = calibrations.Calibration(
     found={"sd_n": 1.0},
     chuck="SC-160",
 )
-ENTRY = StopEntry(way=Way.ABORT, origin=Origin.JOG, axis="tool", time_s=0.1, distance_mm=0.5, speed_mm_per_s=20.0)
+ENTRY = StopEntry(
+    way=StopMethod.ABORT, origin=PriorMotion.JOG, axis="tool", time_s=0.1, distance_mm=0.5, speed_mm_per_s=20.0
+)
 STOPS = StopRecord(
     machine=MACHINE.name,
     kind="PMAC1",
@@ -79,8 +81,8 @@ def learned(folder: Path) -> tuple[Path, Callable[[], object]]:
 
 
 def response(folder: Path) -> tuple[Path, Callable[[], object]]:
-    file = identified.store(folder, RESPONSE)
-    return file, lambda: identified.load(file)
+    file = identified_responses.store(folder, RESPONSE)
+    return file, lambda: identified_responses.load(file)
 
 
 def calibration(folder: Path) -> tuple[Path, Callable[[], object]]:
@@ -108,7 +110,7 @@ def judged(folder: Path) -> tuple[Path, Callable[[], object]]:
     file = calibrations.store(folder, own)
     line = ("chuck.force_per_torque_n_per_n_m", "chuck.force_offset_n")
     loaded = [replace(LOADED, machine=replace(MACHINE, assumed=assumed)) for assumed in ((), line)]
-    return file, lambda: [calibrated(each, folder) for each in loaded]
+    return file, lambda: [apply_calibrations(each, folder) for each in loaded]
 
 
 KINDS = [learned, response, calibration, judged, stops, saved]

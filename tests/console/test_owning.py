@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 
 from console.session.errors import SessionError
 from console.session.station.commands import EnableDrives, Home, Jog, Recover, TakeControl
-from console.session.station.owning import FOREIGN, ConsoleLock, take_lock
+from console.session.station.machine_control import FOREIGN, ConsoleLock, take_lock
 from drivers.errors import RefusedError
+from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.standing import Standing
 from drivers.simulator.machine import SimulatedLathe
 from profiles.files import NOT_REGULAR
 from profiles.problem import ProblemError
@@ -211,7 +211,7 @@ def test_a_take_over_waits_for_rest(sim: SimulatedLathe, tmp_path: Path, here: b
     second.owning.take_control()
     assert second.on_the_card == second.number
     first.lathe.snapshot()
-    assert first.lathe.ownership is not None and first.lathe.ownership.standing is Standing.OUSTED
+    assert first.lathe.ownership is not None and first.lathe.ownership.standing is ConsoleRole.OUSTED
 
 
 def test_who_was_pushed_aside_says_nothing_but_a_stop(sim: SimulatedLathe, tmp_path: Path) -> None:
@@ -267,7 +267,7 @@ def test_of_many_consoles_in_any_order_one_controls(tmp_path: Path) -> None:
         for other in consoles:
             other.lathe.snapshot()
         standing = [
-            c.number for c in consoles if c.lathe.ownership and c.lathe.ownership.standing is Standing.OWNER
+            c.number for c in consoles if c.lathe.ownership and c.lathe.ownership.standing is ConsoleRole.OWNER
         ]
         held = each.on_the_card
         assert standing == ([held] if held else [])
@@ -343,7 +343,7 @@ def test_a_home_search_that_somebody_else_stops_is_told_at_once(tmp_path: Path) 
 HOLDS_AND_DIES = """
 import os, signal, sys
 from pathlib import Path
-from console.session.station.owning import take_lock
+from console.session.station.machine_control import take_lock
 lock = take_lock(Path(sys.argv[1]), sys.argv[2])
 lock.keep(4711)
 print("held", flush=True)

@@ -9,23 +9,23 @@ from pathlib import Path
 import pytest
 
 from console.cli.commands import build
-from console.cli.machine.run_request import requested
-from console.session.cut.compensated import chosen_problems, using, with_accepted
+from console.cli.machine.run_request import plan_request
+from console.session.cut.compensated_cut import chosen_problems, using, with_accepted
 from console.session.cut.simulated_parts import next_part
-from console.session.data.learned_store import accepted, asked_for, store
+from console.session.data.learned_store import asked_for, find_newest_version, store
 from console.session.data.run_reader import story
 from console.session.errors import SessionError
 from console.session.stages import nominal_path
 from console.session.station.commands import Arm, Disarm
-from console.session.station.reaching import reach
-from console.session.work import opened
+from console.session.station.machine_connection import reach
+from console.session.work import open_work
 from console.text.catalogue import load
 from drivers.cutting.strategy import Strategy
 from drivers.link.address import SimulatedAddress
 from drivers.link.tracing import Tracing
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
-from profiles.compensations.learned import MODEL, model_again
+from profiles.compensations.learned_compensation import MODEL, model_again
 from profiles.store import load_job, load_machine
 from tests.console.commands import Console, JobFile
 from tests.console.floor import floor_at, known
@@ -133,7 +133,7 @@ def test_commands_and_screens_count_the_parts_of_the_same_lathes(
         str(data),
         *words,
     ]
-    command = requested(build(load("en")).parse_args(options)).lathe_parts
+    command = plan_request(build(load("en")).parse_args(options)).lathe_parts
     sd_percent = 5.0 if words else None
     true = plant_named(str(plant), loaded.machine, 6, sd_percent, mounted_by_hand=True)
     floor = floor_at(SimulatedLathe(loaded.machine, true), data, loaded)
@@ -199,20 +199,20 @@ def test_what_another_lathe_has_taught_is_refused_with_both_named(
     said = console(*words, "--sim", "--plant", "realistic", "--seed", "9", "--lang", language)
     assert (said.code, said.out) == (1, "") and other in said.err
     assert "realistic, seed 6" in said.err and "realistic, seed 9" in said.err and "--seed" in said.err
-    there = requested(build(load("en")).parse_args([*words, *SIX]))
+    there = plan_request(build(load("en")).parse_args([*words, *SIX]))
     assert there.plan.compensation == 1
 
 
 def test_a_simulated_lathe_behind_a_link_is_another_one_too(ring: str, machine: str, learned: str) -> None:
     words = ["run", ring, "--machine", machine, "--strategy", "cam", "--link", "sim:", "--compensation"]
     with pytest.raises(SessionError) as refused:
-        requested(build(load("en")).parse_args([*words, "newest"]))
+        plan_request(build(load("en")).parse_args([*words, "newest"]))
     (problem,) = refused.value.problems
     assert (problem.code, problem.limit) == ("learned.other_lathe", "realistic, seed 6")
     for language in ("en", "ko"):
         said = load(language).problem(problem)
         assert all(word in said for word in ("--sim --plant", "--seed", "--compensation none"))
-    request = requested(build(load("en")).parse_args([*words, "none"]))
+    request = plan_request(build(load("en")).parse_args([*words, "none"]))
     assert isinstance(request.address, SimulatedAddress) and request.address.seed is not None
 
 
@@ -237,7 +237,7 @@ def test_a_version_that_names_no_lathe_is_told_behind_a_link_too(
         "--data",
         str(data),
     ]
-    request = requested(build(load("en")).parse_args([*words, "--link", "sim:"]))
+    request = plan_request(build(load("en")).parse_args([*words, "--link", "sim:"]))
     told = [each.code for each in request.warnings if each.code.startswith("learned.")]
     assert told == ["learned.lathe_unknown"]
 
@@ -246,7 +246,7 @@ def test_a_screen_on_another_lathe_sets_it_aside_and_does_not_arm_with_it(
     console: Console, ring: str, machine: str, learned: str, data_folder: Path
 ) -> None:
     data = data_folder / "trilobe"
-    work = opened(load_job(ring), load_machine(machine))
+    work = open_work(load_job(ring), load_machine(machine))
     there = with_accepted(work, data, simulated=True, lathe="realistic, seed 6")
     assert there.compensation is not None and not there.set_aside
     here = with_accepted(work, data, simulated=True, lathe="realistic, seed 9")
@@ -254,6 +254,6 @@ def test_a_screen_on_another_lathe_sets_it_aside_and_does_not_arm_with_it(
     assert [(each.code, each.limit, each.value) for each in here.set_aside] == [
         ("learned.other_lathe", "realistic, seed 6", "realistic, seed 9")
     ]
-    newest = known(accepted(work.loaded, work.machine, data, simulated=True))
+    newest = known(find_newest_version(work.loaded, work.machine, data, simulated=True))
     problems = chosen_problems(using(work, newest), simulated=True, lathe="realistic, seed 9")
     assert [each.code for each in problems] == ["learned.other_lathe"]

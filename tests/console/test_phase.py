@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from console.session.cut.telemetry import (
     ORDERS,
     WITHIN_LIMIT_PERCENT,
-    Phase,
+    PhaseLag,
     expected_lag,
     is_in_phase,
     lag_left_um_pp,
@@ -32,8 +32,8 @@ from console.session.station.progress import CutPhase, CutProgress, CutStage
 from drivers.cutting.planning import Strategy
 from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.simulator.plant.spindle import Spindle
-from profiles.compensations.learned import PartReading
+from drivers.simulator.plant.spindle import SimulatedSpindle
+from profiles.compensations.learned_compensation import PartReading
 from profiles.compensations.path import LobedPath, PathHarmonic, target_path
 from profiles.store import load_job, load_machine
 from tests.console.commands import JobFile
@@ -88,13 +88,13 @@ def test_the_limits_of_the_jobs_of_the_paper() -> None:
 def test_out_of_phase_is_surely_beyond_the_limit(
     error_deg: float, within_deg: float, limit_deg: float | None, in_phase: bool
 ) -> None:
-    assert is_in_phase(Phase(error_deg=error_deg, within_deg=within_deg), limit_deg) is in_phase
+    assert is_in_phase(PhaseLag(error_deg=error_deg, within_deg=within_deg), limit_deg) is in_phase
     assert is_in_phase(None, limit_deg) is None
 
 
 def learned_from(version_target: LobedPath, tool: PathHarmonic | None) -> PartReading:
     """A part that taught something, cut with the path of a job."""
-    lobe = PathHarmonic.of(3, 3.0 + 0j)
+    lobe = PathHarmonic.from_coefficient(3, 3.0 + 0j)
     return PartReading(
         version=0,
         fraction=1.0,
@@ -113,8 +113,8 @@ def test_where_it_is_not_recorded_a_tool_between_a_learned_path_and_that_of_the_
     of_job = target_path(job)
 
     def allowed(turned_deg: float, *late_deg: float) -> list[bool | None]:
-        expected = expected_lag(of_job.turned(turned_deg), job, learned_from(of_job, None))
-        return [is_in_phase(Phase(error_deg=late, within_deg=0.0), 1.4, expected) for late in late_deg]
+        expected = expected_lag(of_job.turn_by(turned_deg), job, learned_from(of_job, None))
+        return [is_in_phase(PhaseLag(error_deg=late, within_deg=0.0), 1.4, expected) for late in late_deg]
 
     assert expected_lag(of_job, job, None) == (0.0, 0.0)
     assert allowed(-6.0, -2.0, 0.0, 6.0, 8.0) == [False, True, True, False]
@@ -126,13 +126,13 @@ def test_a_learned_path_counts_on_the_lag_of_the_part_that_taught_it() -> None:
     # of a path of 34 um, turned by 7 deg, the same 6 um are atan(6/34) = 10.01 deg of lobe, 3.34 of the spindle.
     job = load_job("lee-2001-experiment-1").job
     before = target_path(job)
-    across = PathHarmonic.of(3, 6j * cmath.exp(-3j * math.radians(before.phase_deg)))
-    part, path_ = learned_from(before, across), replace(before.turned(7.0), amplitude_um=34.0)
+    across = PathHarmonic.from_coefficient(3, 6j * cmath.exp(-3j * math.radians(before.phase_deg)))
+    part, path_ = learned_from(before, across), replace(before.turn_by(7.0), amplitude_um=34.0)
     expected = expected_lag(path_, job, part)
     assert expected == pytest.approx((-3.34, -3.34), abs=0.005)
-    assert [is_in_phase(Phase(error_deg=late, within_deg=0.0), 1.1, expected) for late in (-4.4, -2.3, 0.0)] == [
-        *(True, True, False)
-    ]
+    assert [
+        is_in_phase(PhaseLag(error_deg=late, within_deg=0.0), 1.1, expected) for late in (-4.4, -2.3, 0.0)
+    ] == [*(True, True, False)]
     half = replace(path_, amplitude_um=17.0)
     assert expected_lag(half, job, part, 0.5) == pytest.approx(expected), "half of the path, half of the error"
 
@@ -429,7 +429,7 @@ def test_a_cut_tells_the_swing_of_its_spindle(
     """By every servo cycle of the iron in the part, on a lathe that is not what its profile says."""
     floor, job = set_up_once(tmp_path, "steady"), experiment_1(2.0)
     motor = floor.sim.controller.motors[2]
-    spindle = cast("Spindle", motor.axis)
+    spindle = cast("SimulatedSpindle", motor.axis)
     spindle.speed_ripple, spindle.ripple_per_turn = share, per_turn
     floor.arm(job, strategy)
     recorder = motor.axis = Recorder(spindle)

@@ -13,7 +13,7 @@ import pytest
 from drivers.cutting.planning import Strategy
 from drivers.preview.band import Band, predicted_band
 from drivers.preview.outlook import outlook
-from drivers.preview.preview import Asked, program_of, underway
+from drivers.preview.preview import ProgramInput, program_of, underway
 from drivers.simulator.plant.presets import plant_named
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -157,7 +157,7 @@ def short(name: str) -> Job:
 
 
 def band_of(job: Job, strategy: Strategy = Strategy.CAM) -> Band:
-    asked = Asked(job=job, machine=MACHINE, strategy=strategy)
+    asked = ProgramInput(job=job, machine=MACHINE, strategy=strategy)
     band = predicted_band(underway(outlook(job, MACHINE, strategy), None, {strategy: program_of(asked)}), strategy)
     assert band is not None
     return band
@@ -169,7 +169,7 @@ def test_the_first_part_of_a_lathe_with_dry_guides_is_within_the_band_of_the_mod
     job = short("thin-ring-3-jaws")
     bench = connected(MACHINE, true=plant_named("steady", MACHINE, 3))
     bench.homed(job)
-    asked = program_of(Asked(job=job, machine=MACHINE, strategy=Strategy.CAM)).plan
+    asked = program_of(ProgramInput(job=job, machine=MACHINE, strategy=Strategy.CAM)).plan
     bench.cut(asked)  # type: ignore[arg-type]
     trace = bench.sim.measure()
     left_um = evaluate(trace.angle_deg, trace.deviation_um, 50.0, state="free").ront_um

@@ -250,7 +250,7 @@ def test_a_learned_path_is_what_everything_is_of() -> None:
     assert seen.command == path.command
     delay_s = MACHINE.controller.servo_period_ms / 1000.0
     answer = complex(sampled_response(MACHINE, 100.0)) * cmath.exp(-2j * math.pi * 100.0 * delay_s)
-    extra = PathHarmonic.of(6, -2.0 * answer).at_um(early.angle_deg)
+    extra = PathHarmonic.from_coefficient(6, -2.0 * answer).at_um(early.angle_deg)
     assert early.residual_um == pytest.approx(extra, abs=1e-6)
     assert seen.predictions[Strategy.CAM].ront_um == pytest.approx(float(np.ptp(extra)), abs=0.1)
     # The others are of the model, as they were.

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from console.session.data import identified, stop_records
+from console.session.data import identified_responses, stop_records
 from console.session.data.calibrations import keep_job
 from console.session.data.kept_files import jobs_folder
 from console.session.data.records import RunRecord
 from console.session.data.trace_folder import export_trace, trace_folder
-from console.session.station.owning import LOG_NAME, take_lock
-from console.session.work import Work, edited, opened, parsed, saved_as, undone, with_strategy
+from console.session.station.machine_control import LOG_NAME, take_lock
+from console.session.work import Work, edit_field, open_work, parse_field, saved_as, undone, with_strategy
 from drivers.commissioning.stop_record import StopRecord
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.machine import SimulatedLathe
@@ -71,10 +71,10 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "ownership log": takes_over,
     "lock": locks,
     "stop record": keeps_a_stop_record,
-    "identified response": lambda data: identified.store(data, RESPONSE),
+    "identified response": lambda data: identified_responses.store(data, RESPONSE),
     "traces": lambda data: (trace_folder(data), export_trace(data, TRACE, job="ring")),
     "job saved as": lambda data: saved_as(
-        opened(load_job(EXPERIMENT), load_machine(MACHINE)), "mine", jobs_folder(data)
+        open_work(load_job(EXPERIMENT), load_machine(MACHINE)), "mine", jobs_folder(data)
     ),
     "calibrated job": lambda data: keep_job(data, load_job(EXPERIMENT), load_job(EXPERIMENT).job),
 }
@@ -164,7 +164,7 @@ def test_a_trace_that_is_saved_into_a_shared_folder_by_its_path_is_its_groups_to
 
 @pytest.fixture
 def work() -> Work:
-    return opened(load_job("lee-2001-experiment-1"), load_machine("lee-2001-lathe"))
+    return open_work(load_job("lee-2001-experiment-1"), load_machine("lee-2001-lathe"))
 
 
 MEANT = {"1314": 1314.0, "1314.5": 1314.5, "1314,5": 1314.5, " 20 ": 20.0, "0,100": 0.1, ".5": 0.5, "7.": 7.0}
@@ -177,14 +177,14 @@ REFUSED = {
 
 def refusal(typed: str, key: str = "chucking_force_n") -> Problem:
     with pytest.raises(ProfileError) as raised:
-        parsed(typed, key)
+        parse_field(typed, key)
     (problem,) = raised.value.problems
     return problem
 
 
 def test_a_number_may_have_a_point_or_a_comma_and_what_may_be_two_is_refused() -> None:
     """Separated thousands are never taken for another number."""
-    assert {typed: parsed(typed, "chucking_force_n") for typed in MEANT} == MEANT
+    assert {typed: parse_field(typed, "chucking_force_n") for typed in MEANT} == MEANT
     for typed, code in REFUSED.items():
         problem = refusal(typed)
         limit = ">= 0.1, <= 100000 N"
@@ -193,20 +193,20 @@ def test_a_number_may_have_a_point_or_a_comma_and_what_may_be_two_is_refused() -
     for typed in (f"{sign}{each}" for each in thousands for sign in ("", "-", "\u2212")):
         assert refusal(typed).code in ("value.ambiguous", "value.not_number")
     assert [refusal(typed, "jaws").code for typed in ("3.5", "3,0", "three", "")] == ["value.not_whole"] * 4
-    assert parsed("6", "jaws") == 6
+    assert parse_field("6", "jaws") == 6
 
 
 def test_an_edit_can_be_undone_step_by_step(work: Work) -> None:
-    after = edited(edited(work, "spindle_speed_rpm", "800"), "material", "Steel")
+    after = edit_field(edit_field(work, "spindle_speed_rpm", "800"), "material", "Steel")
     assert (after.job.spindle_speed_rpm, after.job.material, after.edited) == (800.0, "Steel", True)
     assert undone(after).job.material == "Al"
     assert undone(undone(after)).job == work.job
     assert not undone(undone(after)).edited and undone(work) is work
-    assert edited(work, "chucking_force_n", "1314") is work, "what was computed is kept"
+    assert edit_field(work, "chucking_force_n", "1314") is work, "what was computed is kept"
 
 
 def test_a_force_that_the_operator_gives_is_not_assumed_and_the_error_stays_with_its_own(work: Work) -> None:
-    after = edited(work, "chucking_force_n", "900")
+    after = edit_field(work, "chucking_force_n", "900")
     assert (after.job.chucking_force_n, after.job.error_force_n) == (900.0, 1314.0)
     assert [("chucking_force_n" in each.job.assumed) for each in (work, after, undone(after))] == [
         True,
@@ -218,7 +218,7 @@ def test_a_force_that_the_operator_gives_is_not_assumed_and_the_error_stays_with
 
 def test_a_job_saved_under_another_name_is_the_one_in_hand(work: Work, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "jobs"
-    before = edited(with_strategy(work, "paper"), "feed_mm_per_rev", "0.04")
+    before = edit_field(with_strategy(work, "paper"), "feed_mm_per_rev", "0.04")
     after = saved_as(before, "ring", folder)
     assert after.loaded.path == folder / "ring.toml"
     assert (after.job.name, after.job.feed_mm_per_rev, after.strategy) == ("ring", 0.04, "paper")
@@ -237,7 +237,7 @@ def test_saving_never_writes_over_a_file_nor_into_one(work: Work, tmp_path: Path
 
 
 def test_a_copy_says_what_it_was_copied_from_and_not_the_source_of_that(work: Work, tmp_path: Path) -> None:
-    steel = edited(work, "material", "steel")
+    steel = edit_field(work, "material", "steel")
     assert "Table 6" in steel.job.source
     copied = saved_as(steel, "mine", tmp_path).job
     assert (copied.source, copied.copied_from) == ("", "lee-2001-experiment-1")

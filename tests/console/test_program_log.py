@@ -22,17 +22,17 @@ from typing import Any
 import pytest
 from pytest import MonkeyPatch
 
-from console.cli.logged import carried_out
+from console.cli.logged_commands import carried_out
 from console.cli.measured import records
 from console.session import program_log
 from console.session.bounded_server import BoundedServer, ProtocolFactory
 from console.session.errors import Interrupted
 from console.session.program_log import FILE, FOLDER, note
 from console.session.signals import Interruption
-from console.session.station.reaching import guard, leave
+from console.session.station.machine_connection import guard, leave
 from drivers.errors import RefusedError
+from drivers.lathe.console_role import NOBODY, ConsoleRole
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import NOBODY, Standing
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
@@ -247,7 +247,7 @@ def test_no_signal_is_lost_or_stops_another(machine: MachineProfile, tmp_path: P
         console.client.request(f"P1000={holder}")
         console.hear()
         interruption = Interruption()
-        sent: list[tuple[Standing, bytes]] = []
+        sent: list[tuple[ConsoleRole, bytes]] = []
         urgent = console.client.link.send_urgent
 
         def stops(data: bytes, console: OneConsole = console, sent: Any = sent, urgent: Any = urgent) -> None:
@@ -271,7 +271,7 @@ def test_no_signal_is_lost_or_stops_another(machine: MachineProfile, tmp_path: P
             endings.add("in the release")
         if not moments.over:
             break
-        assert {standing for standing, _ in sent} <= {Standing.OWNER}
+        assert {standing for standing, _ in sent} <= {ConsoleRole.OWNER}
         assert holder == NOBODY or not sent
         assert int(sim.controller.variables.get(VariableKind.P, OWNER)) == holder, at
     else:

@@ -10,13 +10,13 @@ import pytest
 
 from console.session.cut.alignment import (
     Alignment,
-    Mounted,
+    MountedEquipment,
     TouchOff,
-    clamped,
+    clamp_blank,
     clamping_of,
     handed_over,
-    observed,
-    unclamped,
+    observe_poll,
+    unclamp_blank,
     without_reading,
 )
 from console.session.cut.jaw_by_indicator import (
@@ -138,12 +138,12 @@ def test_readings_end_with_what_they_rest_on() -> None:
     def left(alignment: Alignment) -> tuple[object, object]:
         return alignment.flanks, alignment.skim_counts
 
-    assert left(observed(READ, drives_on=True, homed=False, at="08:50")) == NOTHING
+    assert left(observe_poll(READ, drives_on=True, homed=False, at="08:50")) == NOTHING
     assert left(handed_over(READ, "08:50")) == NOTHING
     # Another number of jaws is another jaw 1; another blank has another surface.
-    assert left(clamped(READ, replace(JOB, jaws=2), "08:50")) == NOTHING
-    assert left(clamped(READ, JOB, "08:50")) == (READ.flanks, None)
-    assert left(unclamped(READ, "08:50")) == (READ.flanks, None)
+    assert left(clamp_blank(READ, replace(JOB, jaws=2), "08:50")) == NOTHING
+    assert left(clamp_blank(READ, JOB, "08:50")) == (READ.flanks, None)
+    assert left(unclamp_blank(READ, "08:50")) == (READ.flanks, None)
     # One at a time, the newest first.
     assert left(without_reading(READ)) == ((352.0,), 250_000.0)
     assert left(without_reading(replace(READ, flanks=()))) == NOTHING
@@ -229,7 +229,9 @@ def test_before_the_touch_off_the_tip_may_be_nearer_than_it_seems(machine: Machi
     (problem,) = target_problems(at(26.5, 10.0), machine, CLAMPED, Z, 175.0)
     assert (problem.code, problem.limit) == ("machine.tool_in_the_way", "1.7 mm")
     assert codes_of_target(at(28.0, 10.0), machine, CLAMPED, Z, 175.0) == []
-    (problem,) = target_problems(at(26.5, 10.0), machine, replace(TOUCHED, on=Mounted(tool="another")), Z, 175.0)
+    (problem,) = target_problems(
+        at(26.5, 10.0), machine, replace(TOUCHED, on=MountedEquipment(tool="another")), Z, 175.0
+    )
     assert (problem.code, problem.limit) == ("machine.tool_in_the_way", "1.7 mm"), (
         "the touch-off is another tool's"
     )

@@ -27,8 +27,8 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
 from console.tui.application.lost_lines import lost_step
 from drivers.cutting.planning import Strategy
+from drivers.lathe.console_role import NOBODY, ConsoleRole
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.standing import NOBODY, Standing
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
@@ -101,7 +101,7 @@ def test_at_rest_it_comes_back_stopped_with_its_home(site: Site) -> None:
     assert lost.problem.code == "link.refused" and lost.back_s is None
     assert not console.station.post(Home()) and console.refusals == ["session.lost"]
     state, said = back(console, cable)
-    assert state.activity is Activity.STOPPED and state.standing is Standing.OWNER
+    assert state.activity is Activity.STOPPED and state.standing is ConsoleRole.OWNER
     assert harmless(said), said
     assert state.snapshot is not None and state.snapshot.loops_open and state.snapshot.homed
     none = dict.fromkeys(("jaw", "touch_off", "clamping"), (False, "none"))
@@ -217,7 +217,7 @@ def test_a_console_that_took_the_machine_meanwhile_is_left_alone(site: Site, tmp
     cable.mend()
     until_back(console)
     state, said = console.state, console.hear()
-    assert state.standing is Standing.OUSTED and state.holder == other.number
+    assert state.standing is ConsoleRole.OUSTED and state.holder == other.number
     assert harmless(said) and b"\x0b" not in said, said
     assert state.activity is Activity.READY and state.stop is None
     assert "owner.ousted" in console.alarms
@@ -235,7 +235,7 @@ def test_a_console_that_took_the_machine_meanwhile_is_left_alone(site: Site, tmp
 def test_an_observer_looks_on_again(site: Site, tmp_path: Path) -> None:
     sim, console, _ = site
     observer, cable = cabled(sim, tmp_path / "there")
-    assert observer.state.standing is Standing.OBSERVER
+    assert observer.state.standing is ConsoleRole.OBSERVER
     cable.cut()
     observer.look()
     assert activity(observer) is Activity.LOST

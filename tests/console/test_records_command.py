@@ -17,16 +17,16 @@ from console.cli.machine.run_cut import add_end
 from console.session.cut.engine import NotAsPlannedError
 from console.session.cut.run import roundness_of
 from console.session.data import records
-from console.session.data.learned_store import asked_for, chosen, store, versions
+from console.session.data.learned_store import asked_for, choose_version, store, versions
 from console.session.data.record_file import FILE_NAME
 from console.session.data.records import RunRecord, add_to_run
 from console.session.data.run_reader import runs, story
-from console.session.data.run_rows import How
+from console.session.data.run_rows import RunOutcome
 from console.session.errors import SessionError
 from console.session.stages import nominal_path
 from console.text.columns import cell_width
 from drivers.cutting.strategy import Strategy
-from profiles.compensations.learned import HoldsFor, model_again
+from profiles.compensations.learned_compensation import HoldsFor, model_again
 from profiles.problem import Problem
 from profiles.store import LoadedMachine, load_job, load_machine
 from profiles.traces import parse_trace
@@ -152,16 +152,26 @@ def test_a_cut_without_a_screen_is_found_and_taken_elsewhere(
     assert again.code == 1 and "exists" in again.err
     learned = console("learn", str(file), "--job", str(job), *close, "--keep")
     assert learned.code == 0, learned.err
-    assert [event.data["version"] for event in story(data, run["run"]).accepted] == [1]
+    assert [event.data["version"] for event in story(data, run["run"]).accepted_steps] == [1]
 
 
 def test_a_run_without_a_screen_says_how_it_ended_and_who_stopped_it(tmp_path: Path) -> None:
     early = SessionError(Problem(code="cut.ended_early"))
     early.__cause__ = NotAsPlannedError(Problem(code="cut.ended_early"), turns=7.0)
     ended = {
-        How.EARLY: (early, 7.0, "cut.ended_early", ""),
-        How.FAILED: (SessionError(Problem(code="session.busy")), None, str(Problem(code="session.busy")), ""),
-        How.STOPPED: (SessionError(Problem(code="machine.stopped", value="SIGTERM")), None, "SIGTERM", "SIGTERM"),
+        RunOutcome.EARLY: (early, 7.0, "cut.ended_early", ""),
+        RunOutcome.FAILED: (
+            SessionError(Problem(code="session.busy")),
+            None,
+            str(Problem(code="session.busy")),
+            "",
+        ),
+        RunOutcome.STOPPED: (
+            SessionError(Problem(code="machine.stopped", value="SIGTERM")),
+            None,
+            "SIGTERM",
+            "SIGTERM",
+        ),
     }
     for error, *_ in ended.values():
         run = RunRecord(tmp_path, RUN)
@@ -233,7 +243,7 @@ def learned(data: Path, **changes: object) -> None:
 
 def chosen_now(data: Path, machine: LoadedMachine) -> HoldsFor:
     asked = asked_for(JOB, machine, "cam", simulated=True)
-    found = known(chosen("newest", versions(data, asked), asked))
+    found = known(choose_version("newest", versions(data, asked), asked))
     return found.holds_for
 
 

@@ -385,7 +385,7 @@ def test_the_log_has_the_name_under_which_a_job_is_stored_and_no_refused_entry()
 def test_a_fact_is_one_row_wherever_it_is_shown(
     tmp_path: Path, console: Console, monkeypatch: MonkeyPatch
 ) -> None:
-    row = ("coolant", run_facts.Kind.TEXT, "coolant", "coolant_at")
+    row = ("coolant", run_facts.FactKind.TEXT, "coolant", "coolant_at")
     monkeypatch.setattr(run_facts, "SETUP", (*run_facts.SETUP, row))
     setup = {"force_n": 1314.0, "coolant": "oil 5 %", "coolant_at": "2 Jan 08:45"}
     found = recorded(tmp_path, turned(), setup=json.dumps(setup))

@@ -25,15 +25,15 @@ from console.session.cut.run import roundness_of
 from console.session.data import records
 from console.session.data.history import last_results
 from console.session.data.measured_part import RecordedPart
-from console.session.data.record_file import FILE_NAME, opened
+from console.session.data.record_file import FILE_NAME, open_records
 from console.session.data.records import RunRecord, add_to_run
 from console.session.data.run_log import RunLog
 from console.session.data.run_reader import RunFilters, measured_parts, run_of_trace, runs, story
-from console.session.data.run_rows import How, RunRow
+from console.session.data.run_rows import RunOutcome, RunRow
 from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError
 from console.session.learning.part_learning import accept, record_accepted
-from console.session.station.alarms import Priority, acknowledged
+from console.session.station.alarms import Priority, acknowledge_alarms
 from console.session.station.commands import Acknowledge, DisableDrives, EndCut, Measure, Start
 from profiles.problem import Problem
 from profiles.store import load_job
@@ -89,7 +89,7 @@ def test_a_cut_on_the_screens_is_told_in_full(aligned: Floor) -> None:
         "full",
         "none",
     )
-    assert (row.ended.how, row.passed, row.tolerance_um, row.damaged) == (How.DONE, True, 5.0, False)
+    assert (row.ended.how, row.passed, row.tolerance_um, row.damaged) == (RunOutcome.DONE, True, 5.0, False)
     assert row.ended.turn == pytest.approx(job.cut_length_mm / job.feed_mm_per_rev)
     assert row.diameter_mm == pytest.approx(2.0 * job.finished_radius_mm, abs=0.02)
     told = story(folder, row.run_id[:6])
@@ -154,7 +154,11 @@ def test_a_cut_that_the_operator_ends_and_one_that_is_stopped_say_so(aligned: Fl
         aligned.looks.clear()
     aligned.context.end_record()
     stopped, held = runs(aligned.context.records)
-    assert (held.ended.how, stopped.ended.how, stopped.ended.reason) == (How.HELD, How.STOPPED, "space")
+    assert (held.ended.how, stopped.ended.how, stopped.ended.reason) == (
+        RunOutcome.HELD,
+        RunOutcome.STOPPED,
+        "space",
+    )
     assert stopped.ended.by == USER and held.failed and stopped.failed
     assert held.ended.turn is not None and held.ended.turn > 5.0
     assert stopped.ended.turn is not None and 5.0 < stopped.ended.turn < 8.0
@@ -173,7 +177,7 @@ def test_an_accepted_learning_step_joins_the_run_of_its_part(aligned: Floor) -> 
     assert proposed["version"] == 1 and proposed["strategy"] == "pvt"
     kept = accept(measured.learning, folder)
     assert record_accepted(folder, measured.run_id, kept) == ()
-    (event,) = story(folder, measured.run_id).accepted
+    (event,) = story(folder, measured.run_id).accepted_steps
     assert (event.kind, event.data["version"], event.data["by"]) == (ACCEPTED, 1, USER)
 
 
@@ -191,7 +195,7 @@ def test_telemetry_that_cannot_be_written_ends_no_cut_and_is_told_once(
     assert [alarm.problem.code for alarm in aligned.state.alarms] == ["record.incomplete"]
     (row,) = runs(aligned.context.records)
     told = story(aligned.context.records, row.run_id)
-    assert (row.ended.how, row.passed, told.complete) == (How.DONE, True, False)
+    assert (row.ended.how, row.passed, told.complete) == (RunOutcome.DONE, True, False)
 
 
 def test_a_cut_does_not_wait_for_a_disk_that_takes_its_time(aligned: Floor, monkeypatch: MonkeyPatch) -> None:
@@ -218,7 +222,7 @@ def test_an_alarm_that_was_over_before_the_run_is_not_in_its_record(aligned: Flo
         context.alarm(Problem(code=code))
     context.end_alarms("cut.out_of_phase")
     aligned.arm(experiment_1())
-    context.change_alarms(acknowledged)
+    context.change_alarms(acknowledge_alarms)
     context.end_record()
     (row,) = runs(context.records)
     assert [alarm.problem.code for alarm in story(context.records, row.run_id).alarms] == ["record.incomplete"]
@@ -323,7 +327,7 @@ def test_data_that_is_no_data_is_passed_over(tmp_path: Path) -> None:
     columns = "run_id, number, at_utc, part, product, ront_um, data"
     execute(tmp_path, f"INSERT INTO measurements ({columns}) VALUES (?, 1, '', '', 1, 2.0, '[')", (run.run_id,))
     execute(tmp_path, "INSERT INTO traces VALUES (?, 1, x'010203')", (run.run_id,))
-    assert [row.ended.how for row in runs(tmp_path)] == [How.DONE, How.DONE]
+    assert [row.ended.how for row in runs(tmp_path)] == [RunOutcome.DONE, RunOutcome.DONE]
     told = story(tmp_path, run.run_id)
     assert (told.setup, told.telemetry, told.damaged) == ({}, (), ("trace 1", "telemetry"))
 
@@ -398,7 +402,7 @@ def test_a_folder_in_the_place_of_the_record_is_no_empty_record(tmp_path: Path) 
 
 
 def test_the_queries_of_the_document_work(tmp_path: Path) -> None:
-    opened(tmp_path, time.monotonic() + 5.0).close()
+    open_records(tmp_path, time.monotonic() + 5.0).close()
     document = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
     queries = re.findall(r"^```sql\n(.*?)^```", document, re.MULTILINE | re.DOTALL)
     assert len(queries) == 4

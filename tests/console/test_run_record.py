@@ -458,7 +458,7 @@ def test_homing_takes_the_tool_out_first_and_f8_never_moves_it_in(tmp_path: Path
     after = new.state.snapshot
     assert new.refusals == [] and after is not None
     assert after.tool.position < before.tool.position, "positive is toward the work"
-    assert after.carriage.commanded == before.carriage.commanded
+    assert after.carriage.commanded_position == before.carriage.commanded_position
     moved: list[str] = []
     new.looks.append(
         lambda seen: moved.extend(a for a in AxisName if "desired_velocity_zero" not in seen.axis(a).flags)

@@ -23,10 +23,18 @@ from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.link.memory import MemoryLink
 from drivers.link.passing import TappedLink
 from drivers.pmac.client import PmacClient
-from drivers.requests.permitted import Kind
-from drivers.requests.scope_gather import ANGLE, Axis, Channel, Quantity, Record, ScopeSetup, Trigger
+from drivers.requests.permitted_lines import RequestKind
+from drivers.requests.scope_gather import (
+    ANGLE,
+    Channel,
+    MotorRegister,
+    ScopeAxis,
+    ScopeRecord,
+    ScopeSetup,
+    ScopeTrigger,
+)
 from drivers.requests.side_controller import SideController
-from drivers.requests.side_line import CancelledError, Heard, SideLine
+from drivers.requests.side_line import CancelledError, LineTraffic, SideLine
 from drivers.requests.status_words import read_status
 from profiles.problem import Problem
 from tests.compact import compact_machine
@@ -39,7 +47,7 @@ MOST_STEPS = 20_000
 def with_side(floor: Floor) -> Floor:
     """Give a station its side line, with all that goes over the link from now on."""
     client: Any = floor.lathe._client
-    heard = Heard(floor.sim.now_s)
+    heard = LineTraffic(floor.sim.now_s)
     heard.poll_line = floor.lathe.poll_line.encode("ascii")
     client.link = client._exchange.link = TappedLink(client.link, heard.tap)
     floor.context.side = SideLine(client, floor.sim, heard, lambda: floor.stop.reason is not None)
@@ -85,7 +93,7 @@ def codes(error: object) -> list[str]:
 
 
 def test_a_worker_gets_its_answers_between_the_polls(floor: Floor) -> None:
-    client = SideController(side_of(floor), Kind.QUERY)
+    client = SideController(side_of(floor), RequestKind.QUERY)
     polls = len(sent(floor))
     assert served(floor, lambda: client.query("I130", "#1->")) == ("528", "X")
     assert [line for line in sent(floor)[polls:] if line == "I130 #1->"] == ["I130 #1->"]
@@ -96,13 +104,15 @@ def test_a_worker_gets_its_answers_between_the_polls(floor: Floor) -> None:
 
 def sent(floor: Floor) -> list[str]:
     """The lines that went out, as the trace of the side has them."""
-    spoken = side_of(floor).heard.spoken(polls=True)
+    spoken = side_of(floor).heard.list_traffic(polls=True)
     return [each.text.rstrip("\r") for each in spoken if each.mark == ">"]
 
 
-@pytest.mark.parametrize("kind", Kind)
+@pytest.mark.parametrize("kind", RequestKind)
 @pytest.mark.parametrize("line", ["#1J+", "&1B1R", "I130=5", "I5=0 P1", "OPEN PROG 1 CLEAR", "P1\x0b"])
-def test_whatever_a_worker_asks_nothing_is_sent_that_moves_or_writes(line: str, kind: Kind, floor: Floor) -> None:
+def test_whatever_a_worker_asks_nothing_is_sent_that_moves_or_writes(
+    line: str, kind: RequestKind, floor: Floor
+) -> None:
     before = len(sent(floor))
     client = SideController(side_of(floor), kind)
     assert codes(served(floor, lambda: client.request(line)))[0].startswith("terminal.")
@@ -111,7 +121,7 @@ def test_whatever_a_worker_asks_nothing_is_sent_that_moves_or_writes(line: str, 
 
 def test_a_configuration_is_read_as_the_command_reads_it(floor: Floor, tmp_path: Path) -> None:
     side, machine = side_of(floor), compact_machine().machine
-    client = SideController(side, Kind.LISTING)
+    client = SideController(side, RequestKind.LISTING)
 
     def read() -> tuple[str, Any, Any]:
         with side.working(reading=True):
@@ -151,7 +161,7 @@ def in_a_jog(floor: Floor, act: Callable[[Snapshot], None]) -> None:
 
 def test_in_motion_one_short_query_follows_a_poll_and_a_listing_is_refused(floor: Floor) -> None:
     side, found = side_of(floor), list[object]()
-    query, listing = SideController(side, Kind.QUERY), SideController(side, Kind.LISTING)
+    query, listing = SideController(side, RequestKind.QUERY), SideController(side, RequestKind.LISTING)
     threads: list[threading.Thread] = []
 
     def work(client: SideController, line: str) -> None:
@@ -179,7 +189,7 @@ def test_in_motion_one_short_query_follows_a_poll_and_a_listing_is_refused(floor
 
 def test_nothing_is_asked_while_rest_is_not_proven_nor_while_an_axis_homes(floor: Floor) -> None:
     asked_in: list[str] = []
-    side, client = side_of(floor), SideController(side_of(floor), Kind.QUERY)
+    side, client = side_of(floor), SideController(side_of(floor), RequestKind.QUERY)
     thread = threading.Thread(target=lambda: client.request("P77"))
 
     def act(snapshot: Snapshot) -> None:
@@ -201,7 +211,7 @@ def test_nothing_is_asked_while_rest_is_not_proven_nor_while_an_axis_homes(floor
 
 
 def test_a_worker_that_is_cancelled_ends_and_its_line_is_not_sent(floor: Floor) -> None:
-    client = SideController(side_of(floor), Kind.QUERY)
+    client = SideController(side_of(floor), RequestKind.QUERY)
     client.cancel()
     before = len(sent(floor))
     assert isinstance(served(floor, lambda: client.request("P66"), step=False), CancelledError)
@@ -214,7 +224,7 @@ def broken(data: bytes) -> None:
 
 
 def test_a_lost_link_ends_the_wait_with_its_reason(floor: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
-    client = SideController(side_of(floor), Kind.QUERY)
+    client = SideController(side_of(floor), RequestKind.QUERY)
     monkeypatch.setattr(floor.link, "send", broken)
     found = served(floor, lambda: client.request("P1"))
     assert isinstance(found, LinkError) and not isinstance(found, RefusedError)
@@ -223,22 +233,22 @@ def test_a_lost_link_ends_the_wait_with_its_reason(floor: Floor, monkeypatch: py
 
 
 def test_the_trace_keeps_polls_apart_and_joins_what_belongs_together() -> None:
-    heard = Heard(lambda: 1.0)
+    heard = LineTraffic(lambda: 1.0)
     heard.poll_line = b"#1P F ?"
     for mark, data in ((">", b"P10=3 #1P F ?\r"), ("<", b"1\r2\r"), ("!", b"\x01"), ("<", b"3\r\x06")):
         heard.tap(mark, data)
     heard.tap(">", b"#1J")
     heard.tap(">", b"+\r")
     heard.tap("<", b"\x07ERR003\r")
-    spoken = heard.spoken(polls=False)
+    spoken = heard.list_traffic(polls=False)
     assert [(each.mark, each.text) for each in spoken] == [("!", "\x01"), (">", "#1J+\r"), ("<", "\x07ERR003\r")]
-    whole = heard.spoken(polls=True)
+    whole = heard.list_traffic(polls=True)
     assert [each.text for each in whole if each.poll] == ["P10=3 #1P F ?\r", "1\r2\r", "3\r\x06"]
 
 
-CARRIAGE = Channel(Axis.CARRIAGE, Quantity.ACTUAL)
-SPEED = Channel(Axis.CARRIAGE, Quantity.VELOCITY)
-TOOL = Channel(Axis.TOOL, Quantity.COMMANDED)
+CARRIAGE = Channel(ScopeAxis.CARRIAGE, MotorRegister.ACTUAL)
+SPEED = Channel(ScopeAxis.CARRIAGE, MotorRegister.VELOCITY)
+TOOL = Channel(ScopeAxis.TOOL, MotorRegister.COMMANDED)
 
 
 @pytest.fixture(params=["pmac", "turbo"])
@@ -284,7 +294,7 @@ SHORT = ScopeSetup(channels=(CARRIAGE, SPEED), period_cycles=10, length_s=0.2)
 def test_at_rest_the_positions_stand_and_the_buffer_is_given_back(families: Floor) -> None:
     before = status(families)
     record = gathered(families, SHORT)
-    assert isinstance(record, Record), record
+    assert isinstance(record, ScopeRecord), record
     cycle_s = families.context.machine.controller.servo_period_ms / 1000.0
     assert np.allclose(np.diff(record.times_s), 10 * cycle_s) and abs(record.times_s[-1] - 0.2) < 0.01
     assert np.ptp(record.values[CARRIAGE]) < 1e-6 and np.allclose(record.values[SPEED], 0.0, atol=1e-4)
@@ -310,7 +320,7 @@ def jog(floor: Floor, work: ScopeWork, setup: ScopeSetup, distance_mm: float) ->
 
 def test_a_jog_is_seen_with_its_length_and_its_speed(families: Floor) -> None:
     record = jog(families, work_of(families), replace(SHORT, length_s=1.0), 2.0)
-    assert isinstance(record, Record), record
+    assert isinstance(record, ScopeRecord), record
     moved_mm = 1000.0 * (record.values[CARRIAGE][-1] - record.values[CARRIAGE][0])
     assert abs(moved_mm) == pytest.approx(2.0, abs=0.02)
     times, speed = record.times_s, record.values[SPEED]
@@ -321,9 +331,9 @@ def test_a_jog_is_seen_with_its_length_and_its_speed(families: Floor) -> None:
 
 def test_a_level_is_found_in_the_samples_and_time_counts_from_there(families: Floor) -> None:
     ahead = jogging.counts_per_unit(families.context.machine, AxisName.CARRIAGE) > 0.0
-    setup = replace(SHORT, length_s=0.5, trigger=Trigger.RISING, level_of=SPEED, level=1.0)
+    setup = replace(SHORT, length_s=0.5, trigger=ScopeTrigger.RISING, level_of=SPEED, level=1.0)
     record = jog(families, work_of(families), setup, 2.0 if ahead else -2.0)
-    assert isinstance(record, Record), record
+    assert isinstance(record, ScopeRecord), record
     (place,) = np.flatnonzero(record.times_s == 0.0)
     shown_mm_s = record.values[SPEED] * 1e3
     assert shown_mm_s[place] > 1.0 >= shown_mm_s[place - 1] and record.times_s[0] < 0.0
@@ -334,7 +344,7 @@ def test_a_cut_starts_the_record_and_is_not_disturbed_by_it(families: Floor) -> 
     job = experiment_1()
     families.set_up(job)
     families.arm(job)
-    setup = ScopeSetup(channels=(TOOL, ANGLE), period_cycles=5, length_s=1.0, trigger=Trigger.CUT)
+    setup = ScopeSetup(channels=(TOOL, ANGLE), period_cycles=5, length_s=1.0, trigger=ScopeTrigger.CUT)
     work = work_of(families)
 
     def look(snapshot: Snapshot) -> None:
@@ -346,7 +356,7 @@ def test_a_cut_starts_the_record_and_is_not_disturbed_by_it(families: Floor) -> 
     started: list[bool] = []
     families.looks.append(look)
     record = served(families, lambda: work.record(setup, "now"))
-    assert isinstance(record, Record), record
+    assert isinstance(record, ScopeRecord), record
     turns = abs(record.values[ANGLE][-1] - record.values[ANGLE][0]) / (2.0 * np.pi)
     assert turns > 1.0 and started
     for _ in range(2000):

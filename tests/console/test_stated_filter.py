@@ -11,26 +11,26 @@ import pytest
 from console.cli.machine.identify_run import with_origin
 from console.session.cut.trip_cause import with_cause
 from console.session.data.health import store as store_test
-from console.session.data.identified import store as store_response
+from console.session.data.identified_responses import store as store_response
 from console.session.errors import SessionError
 from console.session.station.commands import Arm, CheckHealth, EnableDrives, Home, Verify
-from console.session.station.owning import Owning
-from console.session.station.reaching import Commissioned
-from console.session.tuning.explained import filter_checks
+from console.session.station.machine_connection import CommissioningGate
+from console.session.station.machine_control import MachineControl
 from console.session.tuning.known_loop import known_loop
 from console.session.tuning.notch_evidence import NO_FIRMWARE
 from console.session.tuning.stated_filter import stated_filter_problems
+from console.session.tuning.trial_checks import filter_checks
 from console.text.catalogue import load
 from drivers.cutting.strategy import Strategy
-from drivers.identification.result import Origin
+from drivers.identification.result import ResponseOrigin
 from drivers.identification.rig import Rig
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from profiles.arrays import floats
-from profiles.axis.notch import Notch, Reading
+from profiles.axis.notch import Notch, SignConvention
 from profiles.axis.servo_gains import gains_from_variables, notch_settings, variables_from_gains, with_variables
-from profiles.axis.step_figures import modelled
+from profiles.axis.step_figures import model_step
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import load_machine
@@ -78,7 +78,7 @@ def test_a_test_that_shows_another_reading_proves_nothing(tmp_path: Path) -> Non
     fill(tmp_path)
     machine, loop = stating(FIRST), bending(FIRST)
     misread = {name: -value if name in ("I136", "I137") else value for name, value in FIRST.items()}
-    assert loop.gains.notch.read_as(Reading.NUMERATOR) == bending(misread).gains.notch
+    assert loop.gains.notch.read_as(SignConvention.NUMERATOR) == bending(misread).gains.notch
     store_test(tmp_path, filter_test(FIRST, misread, simulated=False))
     assert "trial.read_otherwise" in codes(tmp_path, machine)
     (check,) = filter_checks(tmp_path, machine, FIRMWARE, simulated=False)
@@ -89,7 +89,7 @@ def test_without_responses_a_test_that_does_not_fit_asks_for_them_and_blames_nob
     """The tool has twice the mass that its profile says: that is no other reading."""
     tested, loop = filter_test(FIRST, FIRST, simulated=False), bending(FIRST)
     heavy = replace(loop, plant=replace(loop.plant, acceleration_per_v=0.5 * loop.plant.acceleration_per_v))
-    moved = modelled(heavy, floats(tested.reference_um))
+    moved = model_step(heavy, floats(tested.reference_um))
     store_test(tmp_path, replace(tested, position_um=tuple(moved.tolist())))
     (told,) = stated_filter_problems(stating(FIRST), tmp_path, simulated=False)
     assert told.code == "trial.filter_axis" and "console identify --frequencies 25" in str(told)
@@ -126,7 +126,7 @@ def test_responses_of_two_axes_name_both_ways_out_and_both_lead_out(tmp_path: Pa
     assert codes(tmp_path, machine) == [], "the responses of the axis as it is now"
 
 
-def console_at(data: Path, reading: Reading) -> WithStation:
+def console_at(data: Path, reading: SignConvention) -> WithStation:
     """A console at a lathe that bends, whose profile states a filter and whose controller has it."""
     file = data / "bends.toml"
     file.write_text(f'schema = 1\nflexible_fraction = 0.4\nnotch_reading = "{reading}"\n', encoding="utf-8")
@@ -135,8 +135,8 @@ def console_at(data: Path, reading: Reading) -> WithStation:
     return station_of(sim, data, loaded=replace(load_machine(MACHINE), machine=machine))
 
 
-@pytest.mark.parametrize("reading", [Reading.STATED, Reading.NUMERATOR])
-def test_no_cut_is_armed_before_the_filter_was_tested_in_air(tmp_path: Path, reading: Reading) -> None:
+@pytest.mark.parametrize("reading", [SignConvention.STATED, SignConvention.NUMERATOR])
+def test_no_cut_is_armed_before_the_filter_was_tested_in_air(tmp_path: Path, reading: SignConvention) -> None:
     fill(tmp_path)
     owner, order = console_at(tmp_path, reading), Arm(job=JOB, job_sha256="0" * 64, strategy=Strategy.PVT)
     state = owner.do(Verify())
@@ -146,21 +146,21 @@ def test_no_cut_is_armed_before_the_filter_was_tested_in_air(tmp_path: Path, rea
     owner.do(EnableDrives(), Home(), CheckHealth(step_um=25.0))
     assert owner.refusals == []
     owner.do(order)
-    if reading is Reading.STATED:
+    if reading is SignConvention.STATED:
         assert not [code for code in owner.refusals if code.startswith("trial.")], "what is left is the alignment"
     else:
         assert "trial.read_otherwise" in owner.refusals
     left = [each.code for each in owner.do(Verify()).uncommissioned]
-    assert left == ([] if reading is Reading.STATED else ["trial.read_otherwise"])
+    assert left == ([] if reading is SignConvention.STATED else ["trial.read_otherwise"])
 
 
 def test_the_command_that_cuts_asks_the_same_of_the_firmware_that_it_reads(tmp_path: Path) -> None:
     fill(tmp_path)
-    owner = console_at(tmp_path, Reading.STATED)
+    owner = console_at(tmp_path, SignConvention.STATED)
     machine = owner.context.loaded_machine.machine
     heartbeat = Heartbeat(owner.client, owner.sim, machine)
     defined = machine.controller.axis_definitions
-    commissioned = Commissioned(owner.client, heartbeat, machine, tmp_path, lambda: defined, simulated=False)
+    commissioned = CommissioningGate(owner.client, heartbeat, machine, tmp_path, lambda: defined, simulated=False)
     commissioned.take_fingerprint()
 
     def refused() -> bool:
@@ -198,7 +198,7 @@ def write_machine(file: Path) -> None:
     loaded = load_machine(MACHINE)
     text = Path(loaded.path).read_text(encoding="utf-8")
     notch = Notch(n1=FIRST["I136"], n2=FIRST["I137"], d1=FIRST["I138"], d2=FIRST["I139"])
-    at_rest = replace(gains_from_variables(LATHE).scaled(1.0 / notch.at_rest), notch=notch)
+    at_rest = replace(gains_from_variables(LATHE).scale_gains(1.0 / notch.at_rest), notch=notch)
     values = {**variables_from_gains(LATHE, at_rest), **notch_settings(LATHE, notch)}
     for name, value in values.items():
         text, count = re.subn(rf"(?m)^{name} = \S+", f"{name} = {value}", text)
@@ -211,7 +211,7 @@ def write_machine(file: Path) -> None:
 
 @pytest.mark.parametrize("language", ["en", "ko"])
 def test_a_trip_with_a_filter_names_its_reading_too(language: str, tmp_path: Path) -> None:
-    owner = console_at(tmp_path, Reading.STATED)
+    owner = console_at(tmp_path, SignConvention.STATED)
     tripped = Problem(code="machine.fault", key="poll", value="tool: fatal_following_error")
     told = with_cause(owner.lathe, (tripped,))
     assert [each.code for each in told] == ["machine.fault", "trial.filter_suspected"]
@@ -223,16 +223,16 @@ def test_a_trip_with_a_filter_names_its_reading_too(language: str, tmp_path: Pat
 @pytest.mark.parametrize(("machine", "filtered"), [(stating(FIRST), True), (LATHE, False)])
 def test_a_measurement_that_trips_names_it_too(tmp_path: Path, machine: MachineProfile, filtered: bool) -> None:
     """`console health` and `console identify` move the tool with the same filter."""
-    owner = console_at(tmp_path, Reading.STATED)
+    owner = console_at(tmp_path, SignConvention.STATED)
     owner.lathe.machine = machine
     rig = Rig(client=owner.client, lathe=owner.lathe, clock=owner.sim)
     tripped = Problem(code="machine.fault", key="poll", value="tool: fatal_following_error")
 
-    def trips(origin: Origin) -> None:
+    def trips(origin: ResponseOrigin) -> None:
         raise ProblemError(tripped)
 
     with pytest.raises(ProblemError) as told:
-        with_origin(rig, Owning(rig.lathe, "", tmp_path), True, tmp_path, lambda: None, trips)
+        with_origin(rig, MachineControl(rig.lathe, "", tmp_path), True, tmp_path, lambda: None, trips)
     suspected = ["trial.filter_suspected"] if filtered else []
     assert [each.code for each in told.value.problems] == ["machine.fault", *suspected]
     assert isinstance(told.value, SessionError) is filtered

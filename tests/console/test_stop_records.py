@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.cli.machine.stopping import END_WITHIN_S, TICK_S, Stopping
+from console.cli.machine.stopping import END_WITHIN_S, TICK_S, StopMonitor
 from console.screens import start
 from console.session.data.stop_records import (
     load,
@@ -28,10 +28,10 @@ from console.session.data.stop_records import (
 )
 from console.session.signals import LEAVE_WITHIN_S, Interruption
 from console.session.station.link_thread import LinkThread
-from console.session.station.reaching import guard, leave
+from console.session.station.machine_connection import guard, leave
 from console.text.catalogue import LANGUAGES
 from console.text.catalogue import load as load_words
-from drivers.commissioning.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops
+from drivers.commissioning.stop_record import PriorMotion, StopEntry, StopMethod, StopRecord, needed_stops
 from drivers.errors import DriverError
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standstill import COAST_TIMEOUT_S
@@ -218,8 +218,8 @@ def test_an_entry_has_the_unit_of_its_axis(simulated: StopRecord) -> None:
         moved = entry.distance_mm is not None and entry.speed_mm_per_s is not None
         assert (turned, moved) == ((True, False) if entry.axis == "spindle" else (False, True))
         if entry.axis == "spindle":
-            assert entry.speed_rpm == pytest.approx(1000.0 if entry.origin is Origin.CUT else 100.0, rel=1e-4)
-    assert {e.way for e in simulated.entries} == set(Way)
+            assert entry.speed_rpm == pytest.approx(1000.0 if entry.origin is PriorMotion.CUT else 100.0, rel=1e-4)
+    assert {e.way for e in simulated.entries} == set(StopMethod)
 
 
 def test_a_file_that_was_cut_short_is_told_by_its_line(tmp_path: Path, simulated: StopRecord) -> None:
@@ -263,7 +263,7 @@ class Scene:
         self.stop = StopPath(cast("Any", self.line))
         self.interruption = Interruption()
         self.interruption.guard(self.stop)
-        self.stopping = Stopping(
+        self.stopping = StopMonitor(
             self.interruption,
             load_words(self.text),
             now_s=lambda: self.now_s,
@@ -315,7 +315,7 @@ def test_of_a_silent_controller_it_is_said_at_once_and_each_second_what_was_trie
 
 def test_looks_that_come_prove_rest_and_are_not_disturbed(scene: Scene) -> None:
     scene.stop.stop("SIGINT")
-    scene.passes(3.0, lambda: scene.stopping.seen(ANSWER))
+    scene.passes(3.0, lambda: scene.stopping.note_reply(ANSWER))
     assert len(scene.line.at_s) == 1
     assert "the controller answers" in scene.said[-1][1]
     scene.stop.rest_proven(1)

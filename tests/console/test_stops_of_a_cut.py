@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from pytest import MonkeyPatch
 
-from console.cli.machine.card_access import Card
+from console.cli.machine.card_access import ConnectedController
 from console.cli.machine.doctor_checks import keep_stops, stop_checks
 from console.session.data.records import killed_runs
 from console.session.data.stop_records import load
@@ -28,8 +28,8 @@ from console.session.station.commands import (
 )
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
-from drivers.commissioning.proofs.proving import Proven
-from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
+from drivers.commissioning.proofs.proving import TestOutcome
+from drivers.commissioning.stop_record import PriorMotion, StopEntry, StopMethod, needed_stops
 from drivers.cutting.planning import Strategy
 from drivers.errors import LinkError
 from drivers.lathe.snapshot import AxisName
@@ -207,14 +207,16 @@ def test_a_cut_that_was_armed_before_is_not_begun(floor: Floor) -> None:
     floor.do(Start())
     assert [problem.code for problem in floor.state.refusals] == ["stops.connection_lost"]
     assert before is not None and floor.state.snapshot is not None
-    assert [axis.commanded for axis in floor.state.snapshot.axes] == [axis.commanded for axis in before.axes]
+    assert [axis.commanded_position for axis in floor.state.snapshot.axes] == [
+        axis.commanded_position for axis in before.axes
+    ]
 
 
 @pytest.mark.parametrize("way", StopWay)
 def test_a_record_is_kept_with_the_way_of_its_stops(tmp_path: Path, way: StopWay) -> None:
     made = commissioned(MACHINE)
     version, kind = made.client.query("VERSION", "TYPE")
-    card = Card(
+    card = ConnectedController(
         client=made.client,
         stop=made.stop,
         clock=made.sim,
@@ -226,7 +228,7 @@ def test_a_record_is_kept_with_the_way_of_its_stops(tmp_path: Path, way: StopWay
         data=tmp_path,
     )
     stops = tuple(_stop(*each) for each in needed_stops(MACHINE))
-    proven = Proven(checks=(), stops=stops)
+    proven = TestOutcome(checks=(), stops=stops)
     keep_stops(card, proven, TODAY)
     made.link.stop_way = way
     keep_stops(card, proven, TODAY)
@@ -241,7 +243,7 @@ def test_a_record_is_kept_with_the_way_of_its_stops(tmp_path: Path, way: StopWay
     assert told == target[way]
 
 
-def _stop(way: Way, origin: Origin, axis: str) -> StopEntry:
+def _stop(way: StopMethod, origin: PriorMotion, axis: str) -> StopEntry:
     if axis == "spindle":
         return StopEntry(way=way, origin=origin, axis=axis, time_s=0.1, distance_deg=30.0, speed_rpm=100.0)
     return StopEntry(way=way, origin=origin, axis=axis, time_s=0.1, distance_mm=0.2, speed_mm_per_s=10.0)

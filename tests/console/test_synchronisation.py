@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.cut.engine import CutContext, _before
+from console.session.cut.engine import CutContext, _find_earlier_cut
 from console.session.cut.interlocks import of_zero
 from console.session.cut.run import cut_part, plan_run
 from console.session.cut.telemetry import CutFigures, Telemetry, is_leaving
@@ -24,7 +24,7 @@ from console.session.station.commands import Start
 from console.session.station.progress import (
     CutProgress,
     CutStage,
-    CutWatch,
+    CutTracker,
     SpindleWatch,
     Synchronisation,
     before_part,
@@ -88,7 +88,7 @@ def test_a_followed_spindle_that_comes_to_stand_is_lost_and_has_no_ripple() -> N
     """A program on its time stands with it: tool and carriage where they were, in phase."""
     job, machine = experiment_1(), with_inverter(load_machine("lee-2001-lathe").machine)
     plan = plan_cut(job, machine, Strategy.TIMEBASE)
-    watch = CutWatch(plan, job, machine)
+    watch = CutTracker(plan, job, machine)
     turn, per_mm = machine.spindle.counts_per_rev, machine.carriage.counts_per_mm
     told = []
     for number in range(200):
@@ -217,17 +217,17 @@ def test_a_tool_leaves_where_it_is_off_by_twice_and_2_um(error_um: float, peak_u
 )
 def test_the_half_stage_alone_tells_what_it_leaves(stage: Stage, left_um_pp: tuple[float, float] | None) -> None:
     """Of 55 um the half, or as much more."""
-    told = plan_run(JOB, MACHINE, Strategy.PVT, stage=stage, simulated=True).expected
+    told = plan_run(JOB, MACHINE, Strategy.PVT, stage=stage, simulated=True).expected_residual
     assert (None if told is None else (told.right_um_pp, told.wrong_um_pp)) == left_um_pp
 
 
 def test_a_lost_cut_may_have_gone_on_unseen_for_a_turn_and_as_long_as_the_controller_takes_to_end_it() -> None:
     """6.3 s at 1000 rpm are 105 turns."""
     lathe: Any = SimpleNamespace(ends_within_s=6.3, machine=MACHINE)
-    before = known(_before(lathe, PLAN, touched_mm=2.5))
+    before = known(_find_earlier_cut(lathe, PLAN, touched_mm=2.5))
     assert before.to_mm == 2.5
     assert before.unseen_mm == pytest.approx(106.0 * JOB.feed_mm_per_rev)
-    assert _before(lathe, PLAN, touched_mm=0.0) is None
+    assert _find_earlier_cut(lathe, PLAN, touched_mm=0.0) is None
 
 
 HOMED = frozenset({"home_complete"})

@@ -14,7 +14,7 @@ import pytest
 from benchmarks.hostile_host import JOB as HOSTILE_JOB
 from benchmarks.hostile_host import WitnessedLathe, lathe_at, plan_of
 from console.session.cut.cut_verdict import BUDGET, CutJudgement, CutVerdict, ToolError, ToolPolls, fit_tool_error
-from console.session.cut.engine import CutContext, Step
+from console.session.cut.engine import CutContext, PartStep
 from console.session.cut.recording import TelemetryRows
 from console.session.cut.run import cut_part
 from drivers.cutting.planning import CutPlan, plan_cut
@@ -25,7 +25,7 @@ from drivers.lathe.snapshot import AxisState, Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from drivers.pmac.program_constants import assigned
+from drivers.pmac.program_constants import find_assigned_variables
 from drivers.pmac.witness import CONSTANTS, Witness, WitnessReport
 from profiles.arrays import Floats, floats
 from profiles.problem import Problem, ProblemError
@@ -325,10 +325,10 @@ class Cut:
         sim = WitnessedLathe(machine)
         lathe = lathe_at(sim, machine)
 
-        def tell(step: Step, _: str) -> None:
-            if step is Step.ARM:
+        def tell(step: PartStep, _: str) -> None:
+            if step is PartStep.ARM:
                 self.before(sim)
-            if step is Step.CUT:
+            if step is PartStep.CUT:
                 sim.due = [(sim.now_s() + after_s, f"{line}\r".encode()) for after_s, line in self.deeds]
 
         lathe.connect()
@@ -344,7 +344,7 @@ def test_no_program_writes_a_constant_that_is_witnessed(strategy: Strategy) -> N
     witnessed = {f"P{number}" for number in CONSTANTS}
     for trimmed in {False, strategy.traits.trims}:
         program = plan_cut(HOSTILE_JOB, compact("pmac"), strategy, trimmed=trimmed).program
-        assert not witnessed & assigned(program)
+        assert not witnessed & find_assigned_variables(program)
 
 
 @pytest.fixture

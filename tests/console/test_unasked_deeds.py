@@ -418,21 +418,21 @@ def test_an_answer_dates_only_what_comes_after_it(monkeypatch: MonkeyPatch) -> N
     age = InputAge()
     asks = known(age.question(now[0]))
     assert age.late_s() is not None and age.late_s(moves=False) is None
-    age.asked(asks[0], now[0])
+    age.note_question(asks[0], now[0])
     now[0] += 0.3
-    age.emptied(now[0])
-    assert age.answered(ROW, asks[0], now[0]) and age.late_s() is None
+    age.note_emptied_input(now[0])
+    assert age.take_cursor_report(ROW, asks[0], now[0]) and age.late_s() is None
     assert age.round_trip_s == pytest.approx(0.3)
     now[0] += OLD_S
-    age.emptied(now[0])
+    age.note_emptied_input(now[0])
     assert age.late_s() == pytest.approx(OLD_S + 0.3), "nothing was heard since"
-    assert not age.answered(ROW, asks[0], now[0]), "an answer counts once"
+    assert not age.take_cursor_report(ROW, asks[0], now[0]), "an answer counts once"
 
 
 def test_no_answer_is_taken_for_that_of_a_later_question() -> None:
     age, at_s = InputAge(), 0.0
     for _ in range(PLACES):
         asks = known(age.question(at_s))
-        age.asked(asks[0], at_s)
+        age.note_question(asks[0], at_s)
         at_s += 1.0
     assert age.question(at_s) is None

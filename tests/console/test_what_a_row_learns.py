@@ -27,7 +27,7 @@ from console.text.catalogue import load
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.heartbeat import cut_condition
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
-from profiles.compensations.certificate import Certified, Standing
+from profiles.compensations.certificate import CertifiedOrder, OrderStatus
 from profiles.compensations.learning import Deviation, HarmonicFit, coefficient_of
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath, free_state_lobe, target_path
@@ -74,7 +74,7 @@ def test_what_is_left_of_a_lobe_is_told_apart_into_this_clamping_and_what_repeat
     lobe_um = free_state_lobe(RING).harmonics[0].coefficient
     for factor in (*(1.0,) * 11, 1.061):
         learning.clamp(CutPath(target=target_path(RING), command=target_path(RING)), None, lambda _: 1.0 + 0j)
-        learning.measured(factor * lobe_um - lobe_um, lobe_um, 0.05)
+        learning.update_path(factor * lobe_um - lobe_um, lobe_um, 0.05)
     left = known(learning.left)
     assert left.left_um_pp == pytest.approx(0.061 * 55.0)
     assert left.own_um_pp == pytest.approx(0.061 * 55.0, rel=0.12) and left.repeats_um_pp < 0.4
@@ -86,11 +86,14 @@ def test_the_certificate_has_what_is_on_the_part_and_what_of_it_is_learned_apart
     orders, off = orders_after(6.0), Deviation(coefficients_um={2: 5.1 + 0j, 5: 0.9j}, sd_um=0.05)
     part = part_with(0.02)
     part.coefficients_um.update({2: 5.5 + 0j, 5: 0.8j})  # type: ignore[attr-defined]
-    shown = {each.order: each for each in orders.certificate(orders.left(part, off), part, off, {}, frozenset())}
+    shown = {
+        each.order: each
+        for each in orders.certificate(orders.residual_orders(part, off), part, off, {}, frozenset())
+    }
     oval, fifth, beyond = shown[2], shown[5], shown[orders.learned[-1] + 1]
     assert (oval.on_part_um, oval.tool_off_um, oval.left_um) == pytest.approx((5.5, 5.1, 0.4))
     assert (fifth.on_part_um, fifth.tool_off_um, fifth.left_um) == pytest.approx((0.8, 0.9, 0.8))
-    assert beyond.standing is Standing.NO_PROMISE and beyond.bound == beyond.bound_gain_1 > 0.95
+    assert beyond.standing is OrderStatus.NO_PROMISE and beyond.bound == beyond.bound_gain_1 > 0.95
     assert beyond.on_part_um is beyond.left_um is None, "it was not measured"
 
 
@@ -105,7 +108,7 @@ class Row:
         plan = plan_run(RING, MACHINE, Strategy.CAM, watchdog=cut_condition(MACHINE))
         self.learner = learning._Learner(plan, None, lambda *_: None, LearnHow())  # type: ignore[arg-type]
         self.arrives = arrives or {}
-        self.shown: list[dict[int, Certified]] = []
+        self.shown: list[dict[int, CertifiedOrder]] = []
 
     def part(self, disturbed_um: Mapping[int, complex]) -> None:
         """Cut a part, and learn from it."""
@@ -126,7 +129,7 @@ class Row:
         """Return the amplitude on each part."""
         return [part[order].on_part_um or 0.0 for part in self.shown]
 
-    def standings(self, order: int) -> list[Standing]:
+    def standings(self, order: int) -> list[OrderStatus]:
         return [part[order].standing for part in self.shown]
 
 
@@ -137,10 +140,10 @@ def test_what_comes_with_each_blank_is_left_as_it_comes_from_the_fourth_part_on(
         row.part({5: cmath.rect(1.0, angle), 4: 0.8 + 0j})
     heights = row.heights_um(5)
     assert heights == pytest.approx([1.0, 2.0 * math.sin(1.1), 1.0, 1.0, 1.0, 1.0])
-    assert row.standings(5) == [Standing.LEARNED, Standing.GREW] + [Standing.VARIES] * 4
+    assert row.standings(5) == [OrderStatus.LEARNED, OrderStatus.GREW] + [OrderStatus.VARIES] * 4
     assert row.learner._watch.grown == ()
     assert max(row.heights_um(4)[1:]) < 0.1, "what repeats is learned"
-    assert Standing.VARIES not in row.standings(4)
+    assert OrderStatus.VARIES not in row.standings(4)
 
 
 def test_what_varied_is_learned_again_once_it_repeats() -> None:
@@ -148,7 +151,7 @@ def test_what_varied_is_learned_again_once_it_repeats() -> None:
     for angle in (*ANGLES[:3], *(0.9,) * 8):
         row.part({5: cmath.rect(1.0, angle)})
     standings = row.standings(5)
-    assert standings[2] is Standing.VARIES and Standing.VARIES not in standings[-2:]
+    assert standings[2] is OrderStatus.VARIES and OrderStatus.VARIES not in standings[-2:]
     assert row.heights_um(5)[-1] < 0.2
 
 
@@ -157,7 +160,7 @@ def test_an_order_that_stays_large_at_its_best_path_did_not_grow_by_learning_and
     row = Row()
     for number in range(5):
         row.part({9: 0.9 + 0j if number else 0.15 + 0j})
-    assert row.standings(9)[1:3] == [Standing.GREW, Standing.LEARNED]
+    assert row.standings(9)[1:3] == [OrderStatus.GREW, OrderStatus.LEARNED]
     assert row.heights_um(9)[2] == pytest.approx(0.9), "its best path was cut again"
     assert max(row.heights_um(9)[3:]) < 0.2
     assert row.learner._watch.grown == (), "and nobody is told that its best is kept"
@@ -169,7 +172,7 @@ def test_an_order_that_learning_makes_worse_returns_to_its_best_and_stays_there(
     for _ in range(6):
         row.part({5: 1.0 + 0j})
     assert row.heights_um(5) == pytest.approx([1.0, 1.6, 1.0, 1.0, 1.0, 1.0])
-    assert row.standings(5) == [Standing.LEARNED] + [Standing.GREW] * 5
+    assert row.standings(5) == [OrderStatus.LEARNED] + [OrderStatus.GREW] * 5
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -177,9 +180,9 @@ def test_the_report_says_what_of_an_order_no_learning_removes(language: str) -> 
     """Twice a turn it is the blank's, its trim at the limit; five times a turn what varies; the rest is small."""
     shape: dict[str, Any] = {"gain": 0.5, "factor": 0.5, "bound": 0.6, "bound_gain_1": 0.4}
     heights = ((2, 5.48, 0.37, 5.83), (4, 0.5, 0.5, 0.9), (5, 1.34, 1.34, 1.46), (7, 0.1, 0.1, 0.2))
-    standings = {2: Standing.LEARNED, 4: Standing.LEARNED, 5: Standing.VARIES, 7: Standing.VARIES}
+    standings = {2: OrderStatus.LEARNED, 4: OrderStatus.LEARNED, 5: OrderStatus.VARIES, 7: OrderStatus.VARIES}
     certificate = tuple(
-        Certified(order=n, on_part_um=on, left_um=left, tool_off_um=off, standing=standings[n], **shape)
+        CertifiedOrder(order=n, on_part_um=on, left_um=left, tool_off_um=off, standing=standings[n], **shape)
         for n, on, left, off in heights
     )
     plan: Any = SimpleNamespace(job=RING)
@@ -187,7 +190,7 @@ def test_the_report_says_what_of_an_order_no_learning_removes(language: str) -> 
     none: Any = None
     of: dict[str, Any] = {"simulated": True, "figures": none, "collisions": (), "parts": (part,)}
     result = LearnResult(plan=plan, before=none, after=none, floor=none, **of)
-    oval, fifth = run_cut._own(result, load(language))
+    oval, fifth = run_cut._describe_blank_orders(result, load(language))
     assert all(figure in oval for figure in ("10.96", "11.66", "0.74", " 16 um p-p"))
     assert all(figure in fifth for figure in ("2.68", "2.92")) and " 16 um" not in fifth
 

@@ -15,7 +15,7 @@ import pytest
 
 from console.__main__ import main
 from console.session.data.measured_part import RecordedPart
-from console.session.guide.refusals import refused
+from console.session.guide.refusals import find_refusals
 from console.session.guide.situation import Situation
 from console.session.learning.evaluated_part import evaluate_part, read_gauge_file
 from console.session.station.commands import (
@@ -31,8 +31,8 @@ from console.session.station.commands import (
 )
 from console.session.station.state import MeasuredPart, StationState
 from console.text.catalogue import load
-from console.tui.inspecting.comparison import compare_parts
-from console.tui.lines import plain
+from console.tui.inspection.comparison import compare_parts
+from console.tui.lines import plain_text
 from console.tui.pages.inspect_lines import phase_from_jaw_deg, result_lines
 from console.tui.pages.learn_lines import learn_lines
 from drivers.cutting.strategy import Strategy
@@ -96,7 +96,7 @@ def test_a_jaw_that_was_taken_25_degrees_off_is_named_with_its_angle(floor: Floo
     assert cause.kind is CauseKind.ANGLE
     assert cause.value == pytest.approx(-25.0, abs=2.0)
     assert part.learning is not None
-    shown = plain(learn_lines(part.learning, None, load("en"), 200, failed=True))
+    shown = plain_text(learn_lines(part.learning, None, load("en"), 200, failed=True))
     assert f"Jaw 1 is {cause.value:+.1f}°" in shown
     assert "find jaw 1 again (4, b)" in shown
 
@@ -121,7 +121,7 @@ def test_a_force_that_was_10_percent_low_is_named_by_its_lobe(floor: Floor, job:
 def test_a_part_within_its_tolerance_has_no_failure_to_explain(floor: Floor, job: LoadedJob) -> None:
     part = cut(floor, job)
     assert part.learning is not None
-    assert "✗" not in plain(learn_lines(part.learning, None, load("en"), 200, failed=False))
+    assert "✗" not in plain_text(learn_lines(part.learning, None, load("en"), 200, failed=False))
 
 
 @pytest.mark.long
@@ -238,10 +238,10 @@ def test_a_size_that_is_not_of_the_job_moves_no_tool(
     )
     state = StationState(measured=part)
     now = Situation(state=state, work=None, machine=load_machine("lee-2001-lathe").machine)
-    assert [each.code for each in refused("inspect.offset", now)] == [code]
+    assert [each.code for each in find_refusals("inspect.offset", now)] == [code]
     shown = known(compare_parts(state))
     for language in ("en", "ko"):
-        words = plain(result_lines(shown, False, load(language), 60, 40))
+        words = plain_text(result_lines(shown, False, load(language), 60, 40))
         assert f"{radius_mm:.3f}" in words and not re.search(r"\+\d{3}", words)
     assert part.diameter_passes is (None if code == "lobe.diameter_stated" else False)
 

@@ -14,7 +14,7 @@ from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.listing import stored_line
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.settings import settings_with
-from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.motor import Motor
 
@@ -40,7 +40,7 @@ class IdealCard:
     def __init__(self, dialect: Dialect = PMAC, /, **settings: float) -> None:
         definitions = read_definitions(("#1->X", "#2->Y"))
         variables = settings_with({**SETTINGS, **settings}, dialect)
-        self.controller = Controller(variables, {}, definitions, CYCLE_MS, dialect)
+        self.controller = SimulatedController(variables, {}, definitions, CYCLE_MS, dialect)
         self.track: dict[int, list[float]] = {1: [], 2: []}
         for motor in (1, 2):
             self.controller.motors[motor].jog_speed(0)

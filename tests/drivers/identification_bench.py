@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from random import Random
 
 from drivers.identification.identify import origin_of, take_up
-from drivers.identification.result import Origin
+from drivers.identification.result import ResponseOrigin
 from drivers.identification.rig import Rig
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
@@ -52,7 +52,7 @@ class Stand:
     kind: str
 
     @property
-    def origin(self) -> Origin:
+    def origin(self) -> ResponseOrigin:
         return origin_of(self.rig, version=self.version, kind=self.kind, simulated=True)
 
     @property

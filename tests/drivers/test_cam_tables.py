@@ -51,7 +51,7 @@ def tables(draw: st.DrawFn) -> CompensationTable:
         rows=draw(st.integers(1, 4)) if two else 0,
     )
     count = definition.entry_count
-    return definition.filled(draw(st.lists(entries, min_size=count, max_size=count)))
+    return definition.fill_table(draw(st.lists(entries, min_size=count, max_size=count)))
 
 
 def cam(*sixteenths: int, span: int = 4000) -> CompensationTable:
@@ -283,13 +283,13 @@ def sixteenths(counts: Floats) -> list[int]:
 
 def cam_by_angle(turn: int = TURN) -> CompensationTable:
     definition = TableDefinition(motor=TOOL, sources=(TableSource(SPINDLE, turn),), target=TOOL, columns=COLUMNS)
-    return definition.filled(sixteenths(AMPLITUDE * WAVE[1:]))
+    return definition.fill_table(sixteenths(AMPLITUDE * WAVE[1:]))
 
 
 def cam_along_z() -> CompensationTable:
     sources = (TableSource(SPINDLE, TURN), TableSource(CARRIAGE, SPAN_Z))
     definition = TableDefinition(motor=TOOL, sources=sources, target=TOOL, columns=COLUMNS, rows=ROWS)
-    return definition.filled(sixteenths(AMPLITUDE * np.outer(GAIN, WAVE).ravel()[1:]))
+    return definition.fill_table(sixteenths(AMPLITUDE * np.outer(GAIN, WAVE).ravel()[1:]))
 
 
 def set_up(machine: MachineProfile, dialect: Dialect, table: CompensationTable, z_counts: int = 15_000) -> Wire:
@@ -424,7 +424,7 @@ def test_a_source_of_a_higher_number_is_one_cycle_old(machine: MachineProfile, s
     target = CARRIAGE if source == SPINDLE else SPINDLE
     definition = TableDefinition(motor=target, sources=(TableSource(source, 1000),), target=target, columns=10)
     card = wire(machine)
-    card.tell(*table_lines(definition.filled([160 * k for k in range(1, 10)] + [0])), f"#{target}J/")
+    card.tell(*table_lines(definition.fill_table([160 * k for k in range(1, 10)] + [0])), f"#{target}J/")
     led, leading = record(card, target), record(card, source)
     card.tell("I51=1", f"#{source}J=900")
     card.settle()
@@ -439,7 +439,7 @@ def test_contributions_of_several_tables_and_of_desired_positions_add_up(machine
     second = TableDefinition(motor=2, sources=(TableSource(2, 1000, desired=True),), target=1, columns=2)
     first = TableDefinition(motor=1, sources=(TableSource(3, 1000),), target=1, columns=2)
     card = wire(machine)
-    card.tell(*table_lines(second.filled([320, 0])), *table_lines(first.filled([1600, 0])))
+    card.tell(*table_lines(second.fill_table([320, 0])), *table_lines(first.fill_table([1600, 0])))
     card.tell("#1J/#2J=250#3J=500")
     card.settle()
     card.tell("I51=1")

@@ -14,7 +14,7 @@ from console.session.station.commands import Approach, AskTruth, Jog, TakeJaw
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.collision import Clamped, Collision, CollisionWatch, Track, clamped
+from drivers.simulator.plant.collision import ClampedBlank, Collision, CollisionWatch, Track, clamp_job_blank
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import ideal
 from drivers.simulator.plant.workshop_view import CollisionKind, WorkshopView
@@ -27,7 +27,7 @@ from tests.school.test_debrief import JOB, Pupil, marks_of, part_lesson
 from tests.school.test_lessons import homes
 
 CYCLE_MS = 0.4427083730697632
-PART = Clamped(radius_mm=26.0, bore_mm=23.5, deepest_mm=24.8725, free_end_mm=170.0)
+PART = ClampedBlank(radius_mm=26.0, bore_mm=23.5, deepest_mm=24.8725, free_end_mm=170.0)
 JAW_FACE_MM, JAW_OUTER_MM = 200.0, 70.0
 TURNING = 1000 / 60_000 * CYCLE_MS
 """Turns in a servo cycle at 1000 rpm."""
@@ -38,7 +38,7 @@ def seen(
     z_mm: float | list[float],
     turning: float = TURNING,
     surface_mm: float = 26.0,
-    part: Clamped | None = PART,
+    part: ClampedBlank | None = PART,
 ) -> tuple[Collision, ...]:
     """What is found on a way of some samples, in blocks of eleven from time 0."""
     watch = CollisionWatch(JAW_FACE_MM, JAW_OUTER_MM)
@@ -102,7 +102,7 @@ def test_a_tool_that_goes_in_by_more_than_it_takes_a_turn_is_a_crash(speed_mm_pe
 
 def test_however_fast_the_tool_goes_in_to_its_cut_is_no_crash(experiment: JobMaker) -> None:
     """As the printed program does, and as lobes do each turn: 0.1275 mm is the cut, 0.05 mm is a touch."""
-    part = clamped(experiment(1), JAW_FACE_MM)
+    part = clamp_job_blank(experiment(1), JAW_FACE_MM)
     for depth_mm, found in ((0.17, []), (0.19, ["infeed"])):
         radius_mm = [26.0] * 11 + [26.0 - depth_mm] * 33
         assert kinds(seen(radius_mm, 180.0, part=part)) == found
@@ -131,7 +131,7 @@ def test_it_is_said_where_and_when_it_began_and_once() -> None:
 )
 @pytest.mark.parametrize("part", [PART, None])
 def test_the_tip_may_not_be_where_the_jaws_turn(
-    radius_mm: float, z_mm: float, crashes: bool, part: Clamped | None
+    radius_mm: float, z_mm: float, crashes: bool, part: ClampedBlank | None
 ) -> None:
     assert kinds(seen(radius_mm, z_mm, part=part)) == (["jaws"] if crashes else [])
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.simulator.hosts.connection import SLOW_READER, UNREAD_LIMIT, Begin, Connection, PlainStream
+from drivers.simulator.hosts.connection import SLOW_READER, UNREAD_LIMIT, Begin, HostConnection, PlainStream
 from drivers.simulator.hosts.control_address import UnixAddress
 from drivers.simulator.hosts.control_socket import LINES_A_TURN, ControlHost, listen_for_control
 from drivers.simulator.hosts.ethernet import Board, EthernetSession
@@ -80,14 +80,14 @@ class Hall:
         self.hosts: set[Host] = set()
         self.board = Board()
 
-    def plain(self, network: Network) -> Connection:
+    def plain(self, network: Network) -> HostConnection:
         return self.enter(PlainStream, network)
 
-    def ethernet(self, network: Network) -> Connection:
+    def ethernet(self, network: Network) -> HostConnection:
         return self.enter(partial(EthernetSession, board=self.board), network)
 
-    def enter(self, discipline: Begin, network: Network) -> Connection:
-        connection = Connection(self.lathe, self.hosts, discipline)
+    def enter(self, discipline: Begin, network: Network) -> HostConnection:
+        connection = HostConnection(self.lathe, self.hosts, discipline)
         connection.connection_made(network)
         return connection
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from drivers.commissioning.backup import END_OF_HEADER, TITLE, backup_text, read_backup
 from drivers.commissioning.comparison import differences
-from drivers.commissioning.configuration import AxisEntry, Configuration, digest
+from drivers.commissioning.configuration import AxisEntry, ControllerConfiguration, digest
 from drivers.commissioning.gains import apply, gain_writes
 from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.commissioning.verification import checks_of
@@ -59,17 +59,17 @@ def dressed(machine: MachineProfile) -> Commissioned:
     return card
 
 
-def read(card: Commissioned) -> Configuration:
+def read(card: Commissioned) -> ControllerConfiguration:
     return read_configuration(card.client, card.dialect, whole_card(card.dialect))
 
 
 @pytest.fixture(scope="module")
-def plain(machine: MachineProfile) -> Configuration:
+def plain(machine: MachineProfile) -> ControllerConfiguration:
     """What is read of a card with something of everything."""
     return read(dressed(machine))
 
 
-def test_what_was_read_is_in_the_file(plain: Configuration) -> None:
+def test_what_was_read_is_in_the_file(plain: ControllerConfiguration) -> None:
     found = plain
     assert found.settings[104] == 0xC00C
     assert found.axes == {
@@ -97,7 +97,7 @@ def test_reading_asks_and_writes_nothing_but_the_marker_of_the_link(machine: Mac
     assert card.sim.controller.variables.settings() == before
 
 
-def test_a_backup_can_be_sent_to_another_card(machine: MachineProfile, plain: Configuration) -> None:
+def test_a_backup_can_be_sent_to_another_card(machine: MachineProfile, plain: ControllerConfiguration) -> None:
     kept = plain
     other = commissioned(machine)
     other.factory()
@@ -123,11 +123,13 @@ def test_a_limit_of_zero_stands_on_a_line_of_its_own_and_says_so(machine: Machin
         assert limits.isdisjoint(f"I{index}" for index in range(int(first), int(last) + 1)), line
 
 
-def test_addresses_are_written_as_addresses(plain: Configuration) -> None:
+def test_addresses_are_written_as_addresses(plain: ControllerConfiguration) -> None:
     assert "\nI104=$C00C\n" in backup_text(plain, DATE)
 
 
-def test_the_form_in_which_the_card_answers_does_not_matter(machine: MachineProfile, plain: Configuration) -> None:
+def test_the_form_in_which_the_card_answers_does_not_matter(
+    machine: MachineProfile, plain: ControllerConfiguration
+) -> None:
     card = dressed(machine)
     for form in (0, 1, 2, 3):
         card.tell(f"I9={form}")
@@ -138,7 +140,9 @@ def test_the_form_in_which_the_card_answers_does_not_matter(machine: MachineProf
         assert (found.programs, found.plcs) == (plain.programs, plain.plcs), form
 
 
-def test_short_or_spaced_lines_differ_only_in_what_they_do(machine: MachineProfile, plain: Configuration) -> None:
+def test_short_or_spaced_lines_differ_only_in_what_they_do(
+    machine: MachineProfile, plain: ControllerConfiguration
+) -> None:
     assert plain.programs == {7: ("LINEARF20X10", "DWELL0")}
     before = replace(plain, programs={7: ("LIN F20 X10", "DWE0")}, plcs={3: ("P5 = P5+1",)})
     assert differences(before, plain, machine) == []
@@ -162,7 +166,7 @@ def test_short_or_spaced_lines_differ_only_in_what_they_do(machine: MachineProfi
         (lambda text: "", "controller.no_backup"),
     ],
 )
-def test_what_is_no_unchanged_backup_is_refused(plain: Configuration, change: object, code: str) -> None:
+def test_what_is_no_unchanged_backup_is_refused(plain: ControllerConfiguration, change: object, code: str) -> None:
     text = backup_text(plain, DATE)
     assert callable(change)
     with pytest.raises(ProfileError) as refused:
@@ -205,7 +209,9 @@ def test_what_a_password_hides_is_named(machine: MachineProfile) -> None:
         ("#1DELETE COMP", "#1 COMP"),
     ],
 )
-def test_a_difference_is_named(machine: MachineProfile, plain: Configuration, line: str, what: str) -> None:
+def test_a_difference_is_named(
+    machine: MachineProfile, plain: ControllerConfiguration, line: str, what: str
+) -> None:
     card, before = dressed(machine), plain
     for part in line.replace(" CLEAR", "\rCLEAR").replace(" P5", "\rP5").replace(" DWELL", "\rDWELL").split("\r"):
         card.tell(*(["CLOSE"] if part == "CLOSE" else part.split(" CLOSE")[:1]))
@@ -214,7 +220,9 @@ def test_a_difference_is_named(machine: MachineProfile, plain: Configuration, li
     assert [check.facts.get("what_changed") or check.variable for check in found] == [what]
 
 
-def test_what_ordinary_work_changes_is_no_difference(machine: MachineProfile, plain: Configuration) -> None:
+def test_what_ordinary_work_changes_is_no_difference(
+    machine: MachineProfile, plain: ControllerConfiguration
+) -> None:
     card, before = dressed(machine), plain
     gather = card.dialect.gathering
     modal = card.dialect.system_index(1, 87)
@@ -251,7 +259,7 @@ VALUES = st.one_of(
     family=st.sampled_from(sorted(DIALECTS)),
 )
 def test_any_settings_come_back(settings: dict[int, float], family: str) -> None:
-    configuration = Configuration(family=family, kind="K", version="1", settings=settings)
+    configuration = ControllerConfiguration(family=family, kind="K", version="1", settings=settings)
     assert read_backup(backup_text(configuration, DATE), "file").configuration == configuration
 
 

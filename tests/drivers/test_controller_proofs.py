@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 
 from drivers.commissioning.check import Check
-from drivers.commissioning.fingerprint import fingerprint_problems, ours, read_fingerprint
+from drivers.commissioning.fingerprint import console_facts, fingerprint_problems, read_fingerprint
 from drivers.commissioning.proofs.air_cut import air_cut
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.proofs.proving import (
@@ -23,7 +23,7 @@ from drivers.commissioning.proofs.proving import (
 )
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.reading import read_configuration, whole_card
-from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
+from drivers.commissioning.stop_record import PriorMotion, StopEntry, StopMethod, needed_stops
 from drivers.errors import DriverError, LinkError
 from drivers.lathe.stop import StoppedError
 from drivers.pmac.heartbeat.watchdog import definitions
@@ -69,7 +69,7 @@ def test_everything_holds_with_the_numbers_of_the_family_and_stays(machine: Mach
     assert now.plcs.keys() - before.plcs.keys() == {20}
     assert replace(now, plcs={}, pointers={}) == replace(before, plcs={}, pointers={})
     again = read_fingerprint(card.client, machine, card.dialect)
-    assert fingerprint_problems(fingerprint, again, ours(machine, card.dialect)) == ()
+    assert fingerprint_problems(fingerprint, again, console_facts(machine, card.dialect)) == ()
     assert found["proof_source_delay"].found == "tool 1, carriage 0"  # the spindle is motor 2, between them
     exact = machine.controller.family == "turbo"
     assert found["proof_pvt_rounding"].wanted == ("10.4 ms" if exact else "10 ms")
@@ -251,7 +251,7 @@ def measured(card: Commissioned) -> MeasuredStops:
     return prove_stops(card.bench())
 
 
-def entry(found: MeasuredStops, way: Way, origin: Origin, axis: str) -> StopEntry:
+def entry(found: MeasuredStops, way: StopMethod, origin: PriorMotion, axis: str) -> StopEntry:
     (met,) = [e for e in found.entries if (e.way, e.origin, e.axis) == (way, origin, axis)]
     return met
 
@@ -281,21 +281,21 @@ def test_every_stop_is_entered_with_what_the_ramps_make_of_it(machine: MachinePr
         (way,) = [way for way in (met.distance_mm, met.distance_deg) if way is not None]
         assert 0.0 < way < math.inf
         assert 0.0 < met.time_s < 60.0
-    jogged = entry(found, Way.ABORT, Origin.JOG, "tool")
+    jogged = entry(found, StopMethod.ABORT, PriorMotion.JOG, "tool")
     assert jogged.speed_mm_per_s == pytest.approx(10.0)  # I122 is 50 counts/ms of 0.2 um
     # 10 mm/s at 8 m/s2 are 6.25 um of ramp; the rest is what passes up to the stop, 0.1 s at most.
     assert jogged.distance_mm is not None and 0.00625 <= jogged.distance_mm <= 1.0
-    spindle = entry(found, Way.ABORT, Origin.CUT, "spindle")
+    spindle = entry(found, StopMethod.ABORT, PriorMotion.CUT, "spindle")
     assert spindle.speed_rpm == pytest.approx(1000.0)
     # 166.67 counts/ms down at I215 = 0.5: 27778 counts, which are 1000 deg, in a third of a second.
     assert spindle.distance_deg is not None and 1000.0 <= spindle.distance_deg <= 1000.0 + 600.0
     assert 1.0 / 3.0 <= spindle.time_s <= 0.5
     (watchdog,) = [check for check in found.checks if check.code == "proof_heartbeat"]
     assert 0.28 <= float(watchdog.found.split()[0]) <= 0.3
-    silent = entry(found, Way.WATCHDOG, Origin.JOG, "carriage")
+    silent = entry(found, StopMethod.WATCHDOG, PriorMotion.JOG, "carriage")
     # 300 ms at 10 mm/s less the margin of the PLC, and half of a ramp of 0.1 s.
     assert silent.distance_mm is not None and 2.8 <= silent.distance_mm <= 3.6
-    cut = entry(found, Way.WATCHDOG, Origin.CUT, "spindle")
+    cut = entry(found, StopMethod.WATCHDOG, PriorMotion.CUT, "spindle")
     assert 0.3 < cut.time_s < 2.0  # docs/heartbeat.md: all at rest within 2 s
     tool = [position for position, _ in track]
     # Never further in than a millimetre and half of 55 um, with a tenth for the servo; never behind its home.
@@ -330,7 +330,9 @@ def test_an_axis_that_runs_on_too_far_is_found_and_nothing_else_is_moved(machine
     found = prove_stops(made)
     (check,) = failed(found)
     assert check.code == "proof_stop_abort_jog"
-    assert {(each.way, each.origin) for each in found.entries} == {(Way.WATCHDOG, Origin.JOG)}, "proven before"
+    assert {(each.way, each.origin) for each in found.entries} == {(StopMethod.WATCHDOG, PriorMotion.JOG)}, (
+        "proven before"
+    )
     assert found.checks[-1] is check
 
 
@@ -348,7 +350,7 @@ def test_without_a_heartbeat_the_jog_is_stopped_in_another_way(machine: MachineP
     assert {check.code for check in failed(found)} == {"proof_stop_lease_cut"}
     card.sim.wait(1.0)
     assert no_motion(card)
-    assert (Way.WATCHDOG, Origin.CUT) not in {(each.way, each.origin) for each in found.entries}
+    assert (StopMethod.WATCHDOG, PriorMotion.CUT) not in {(each.way, each.origin) for each in found.entries}
 
 
 @ON_ONE
@@ -379,7 +381,7 @@ def test_somebodys_program_is_left_and_the_cuts_are_not_measured(machine: Machin
     made = card.bench()
     card.tell("OPEN PROG999", "CLEAR", "DWELL1", "CLOSE")
     found = prove_stops(made)
-    assert {e.origin for e in found.entries} == {Origin.JOG}
+    assert {e.origin for e in found.entries} == {PriorMotion.JOG}
     assert card.client.request("LIST PROG999") == ("DWE1", "RET")
 
 
@@ -407,7 +409,7 @@ def test_a_spindle_on_an_inverter_is_not_aborted_and_not_turned(machine: Machine
     found = measured(card)
     assert {(e.way, e.origin, e.axis) for e in found.entries} == needed_stops(inverter)
     assert {(e.way, e.axis) for e in found.entries} == {
-        (way, axis) for way in (Way.KILL, Way.WATCHDOG) for axis in ("tool", "carriage")
+        (way, axis) for way in (StopMethod.KILL, StopMethod.WATCHDOG) for axis in ("tool", "carriage")
     }
     assert b"\x01" not in card.line.heard
     assert not any("#2J" in line or "#2HM" in line for line in card.lines)

@@ -16,7 +16,7 @@ from drivers.commissioning.reading import Extent, read_configuration, whole_card
 from drivers.commissioning.verification import after_abort, after_jog_stop
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.safety import safety_problems
-from drivers.pmac.dialect import Dialect, Setting
+from drivers.pmac.dialect import Dialect, FamilySetting
 from drivers.pmac.trajectory.jog import JogSettings
 from profiles.findings import Severity
 from profiles.machine import SAFETY_DEVICES, MachineProfile, Safety
@@ -83,9 +83,9 @@ def test_what_breaks_a_rule_fails_by_name(
     assert (check.found, check.wanted) == (value, wanted)
 
 
-@pytest.mark.parametrize(("setting", "value", "code"), [(Setting.SEGMENT_MS, 5, "segments")])
+@pytest.mark.parametrize(("setting", "value", "code"), [(FamilySetting.SEGMENT_MS, 5, "segments")])
 def test_settings_with_another_number_in_each_family(
-    machine: MachineProfile, setting: Setting, value: int, code: str
+    machine: MachineProfile, setting: FamilySetting, value: int, code: str
 ) -> None:
     card = commissioned(machine)
     index = card.dialect.index(setting)
@@ -104,7 +104,7 @@ def test_blending_and_time_base_of_the_coordinate_system(machine: MachineProfile
 
 def test_kill_modes_are_told_where_they_are_not_the_profiles(machine: MachineProfile) -> None:
     card = commissioned(machine)
-    index = card.dialect.index(Setting.FLAG_MODE, 1)
+    index = card.dialect.index(FamilySetting.FLAG_MODE, 1)
     card.tell(f"I{index}=$500000")
     codes = {check.code for check in card.findings() if check.variable == f"I{index}"}
     assert codes == {"differs", "fault_input_off"}
@@ -113,7 +113,7 @@ def test_kill_modes_are_told_where_they_are_not_the_profiles(machine: MachinePro
     assert codes == {"differs", "kills_all", "switches_off"}
     card = commissioned(machine)
     for motor in (1, 2, 3):
-        card.tell(f"I{card.dialect.index(Setting.FLAG_MODE, motor)}=$400000")
+        card.tell(f"I{card.dialect.index(FamilySetting.FLAG_MODE, motor)}=$400000")
     assert "kills_all" not in {check.code for check in card.findings()}
 
 

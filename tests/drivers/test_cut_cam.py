@@ -122,7 +122,7 @@ def test_after_a_stop_in_mid_cut_the_table_is_in_its_zeros(machine: MachineProfi
     card, plan = floor.card, floor.plan
     client = PmacClient(MemoryLink(card.port, card.sim), card.sim)
     tables = Tables(client, machine)
-    assert tables.left() == ()
+    assert tables.find_remaining_tables() == ()
     floor.start()
     card.sim.wait(3.7)
     card.raw("\x01")
@@ -146,7 +146,7 @@ def test_with_a_correction_left_behind_nothing_moves(machine: MachineProfile, ex
     track = floor.finish()
     assert np.ptp(track.carriage) == np.ptp(track.spindle) == 0.0
     client = PmacClient(MemoryLink(floor.card.port, floor.card.sim), floor.card.sim)
-    held = Tables(client, machine).left()
+    held = Tables(client, machine).find_remaining_tables()
     assert [problem.code for problem in held] == ["cut.table_holds"]
 
 

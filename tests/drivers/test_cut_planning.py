@@ -14,7 +14,13 @@ import pytest
 from drivers.cutting.planning import CutPlan, Strategy, nominal_command, plan_cut
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
-from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin, as_response, unfit_problems
+from drivers.identification.result import (
+    IdentifiedPoint,
+    IdentifiedResponse,
+    ResponseOrigin,
+    as_response,
+    unfit_problems,
+)
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines, run_through
 from drivers.pmac.settings import settings_with
@@ -140,7 +146,7 @@ def test_pvt_segments_are_whole_milliseconds(
     machine: MachineProfile, experiment: JobMaker, rpm: float, strategy: Strategy
 ) -> None:
     plan = plan_cut(replace(short(experiment), spindle_speed_rpm=rpm), machine, strategy)
-    times = {move.used.tm_ms for move in checked(plan, machine).moves}
+    times = {move.used_times.tm_ms for move in checked(plan, machine).moves}
     assert all(time == int(time) and time >= 1 for time in times)
 
 
@@ -309,7 +315,7 @@ def identified(
 ) -> IdentifiedResponse:
     """What the console would have kept of an axis that answers like this."""
     variables = machine.controller.variables
-    origin = Origin(
+    origin = ResponseOrigin(
         machine=machine.name,
         simulated=True,
         version="1.17",

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.cutting.corrected import with_table
+from drivers.cutting.corrected_motion import with_table
 from drivers.cutting.planning import CutPlan, Strategy, nominal_command, plan_cut
 from drivers.errors import DriverError
 from drivers.pmac.check import CheckedMove, CheckedProgram
@@ -25,10 +25,10 @@ from drivers.pmac.programs.setup import cut_setup
 from drivers.pmac.trajectory.cubics import motion_of
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece, position_at
-from drivers.pmac.trajectory.planned import MoveRecord
+from drivers.pmac.trajectory.planned_pieces import MoveRecord
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.simulator.plant.workpiece import ROUND, Blank, CutProcess, Form, Workpiece
+from drivers.simulator.plant.workpiece import ROUND, Blank, BlankForm, CutProcess, Workpiece
 from profiles.compensations.path import CutPath, LobedPath, target_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -49,7 +49,7 @@ Path = Callable[[np.ndarray], np.ndarray]
 
 
 def turned(
-    process: CutProcess, path_um: Path, *, passes: int = 1, block: int = 4000, form: Form = ROUND
+    process: CutProcess, path_um: Path, *, passes: int = 1, block: int = 4000, form: BlankForm = ROUND
 ) -> Workpiece:
     """Turn a part at 1000 rpm from its free end, some times over; the tool returns outside of it."""
     blank = Blank(radius_mm=RADIUS_MM, lobe_um_pp=0.0, jaws=3, jaw_1_deg=JAW_1_DEG, form=form)
@@ -82,7 +82,7 @@ def test_of_ten_micrometres_the_process_gain_arrives_and_the_size_is_that_of_the
 
 
 def test_what_was_not_cut_keeps_its_shape_whatever_the_gain() -> None:
-    form = Form(oval_um=10.0)
+    form = BlankForm(oval_um=10.0)
     untouched = turned(CutProcess(gain=0.8), lambda turns: np.full_like(turns, 500.0), form=form)
     assert order(untouched, 2) == pytest.approx(10.0, abs=1e-6)
 
@@ -102,7 +102,7 @@ def test_between_the_jaws_the_force_of_the_cut_leaves_the_part_high() -> None:
 def test_a_part_that_gives_way_copies_its_blank_and_its_path() -> None:
     """0.3 um/N of 30 N/mm: 0.009. Of 40 um of blank 0.36 stay, of 10 um of path 0.09 do not arrive."""
     process = CutProcess(compliance_mm_per_n=0.3e-3, n_per_mm=N_PER_MM)
-    workpiece = turned(process, lobed, form=Form(oval_um=40.0))
+    workpiece = turned(process, lobed, form=BlankForm(oval_um=40.0))
     copied = 0.009 / 1.009
     assert abs(order(workpiece, 2)) == pytest.approx(40.0 * copied, abs=0.005)
     assert abs(order(workpiece, 3)) == pytest.approx(10.0 * (1.0 - copied), abs=0.01)

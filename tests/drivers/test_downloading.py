@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.commissioning.downloadable import refusals
-from drivers.commissioning.downloading import differing, planned, send
-from drivers.pmac.analysis.findings import Code
+from drivers.commissioning.downloading import differing, plan_download, send
+from drivers.pmac.analysis.findings import FindingCode
 from drivers.pmac.analysis.program import check_program
 from drivers.pmac.dialect import TURBO, Dialect
 from drivers.pmac.language.errors import PmacError
@@ -46,7 +46,7 @@ ENDING = "OPEN PROG 2 CLEAR\nCLOSE"
 """A text needs a motion program to be one."""
 
 
-LINES = (Code.LINE_REFUSED, Code.WORD_ABSENT)
+LINES = (FindingCode.LINE_REFUSED, FindingCode.WORD_ABSENT)
 """What the checker says of a line that it cannot take."""
 
 
@@ -113,12 +113,12 @@ def test_the_checker_walks_all_of_them_and_says_why_it_does_not(machine: Machine
         except PmacError as refused:
             assert refused.detail, body
             continue
-        refusals = [each for each in found.findings if each.code in (*LINES, Code.RUN_TIME_ERROR)]
+        refusals = [each for each in found.findings if each.code in (*LINES, FindingCode.RUN_TIME_ERROR)]
         assert all(each.lines and each.values["error"] for each in refusals), body
         if body in REFUSED_MOTION:
-            assert [each.lines for each in refusals if each.code in (Code.LINE_REFUSED, Code.WORD_ABSENT)] == [
-                (2,)
-            ], body
+            assert [
+                each.lines for each in refusals if each.code in (FindingCode.LINE_REFUSED, FindingCode.WORD_ABSENT)
+            ] == [(2,)], body
 
 
 def test_programs_in_use_are_taken_by_both(card: Wire) -> None:
@@ -192,7 +192,7 @@ ABSENT = {
 @pytest.mark.parametrize("body", list(ABSENT))
 def test_a_word_that_is_absent_here_is_named_as_such(machine: MachineProfile, body: str) -> None:
     found = check_program(f"{text_of(body, plc=False)}\n", machine).findings
-    assert [each.values["word"] for each in found if each.code is Code.WORD_ABSENT] == [ABSENT[body]]
+    assert [each.values["word"] for each in found if each.code is FindingCode.WORD_ABSENT] == [ABSENT[body]]
 
 
 # Buffers of a text at a card: every program that the check accepts arrives, and is listed as it was read.
@@ -212,12 +212,12 @@ def texts(dialect: Dialect) -> Iterator[str]:
 def arrives(card: Commissioned, read: ProgramText) -> int:
     """Send the buffers of a text; return how many lines the card then lists, each as it was expected."""
     dialect, buffers = card.client.dialect, read.source.buffers
-    changes = planned(card.client, dialect, buffers)
+    changes = plan_download(card.client, dialect, buffers)
     send(card.client, dialect, changes, "text", lambda sent, of: None)
     for form in range(4):  # the last one is the full one
         card.client.request(f"I9={form}")
         assert differing(card.client, changes) == []
-        assert not any(change.differs for change in planned(card.client, dialect, buffers)), f"I9={form}"
+        assert not any(change.differs for change in plan_download(card.client, dialect, buffers)), f"I9={form}"
     count = 0
     for change in changes:
         question = change.buffer.kind.line("LIST", change.buffer.number)

@@ -113,7 +113,7 @@ def test_a_cycle_is_the_sum_of_its_parts(speed: float, force_n: float, damping: 
 @pytest.mark.parametrize("damping", [0.0, 1e-6, 1e-2, 1.0])
 def test_hardly_any_damping_is_hardly_any_difference(damping: float) -> None:
     """The formulas with damping divide by it; without any, x = F t^2 / (2 M)."""
-    held = slide(damping, 0.0).held(CYCLE_S)
+    held = slide(damping, 0.0).zero_order_hold(CYCLE_S)
     acceleration = NEWTON_PER_BIT / MASS_KG * COUNTS_PER_M
     assert held.push_x == pytest.approx(0.5 * acceleration * CYCLE_S**2, rel=1e-4)
     assert held.push_v == pytest.approx(acceleration * CYCLE_S, rel=1e-4)

@@ -22,7 +22,7 @@ from drivers.pmac.ethernet import (
     take_request,
     write_reply,
 )
-from drivers.simulator.hosts.connection import Connection, PlainStream
+from drivers.simulator.hosts.connection import HostConnection, PlainStream
 from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
@@ -268,7 +268,7 @@ def test_a_cut_cable_resets_the_connection_and_every_new_one_until_it_is_mended(
         hall.enter(discipline, late)
         assert late.ended == "aborted"
         await pass_time(hall, 21)
-        assert isinstance(hall.enter(discipline, mended), Connection)
+        assert isinstance(hall.enter(discipline, mended), HostConnection)
         assert mended.ended == ""
         assert hall.lathe.faults.active() == ()
 

@@ -33,7 +33,7 @@ from drivers.simulator.plant.collision import CollisionWatch
 from drivers.simulator.plant.driven_mass import DrivenMass
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.servo_gains import ServoGains
-from drivers.simulator.plant.spindle import RadialError, Spindle
+from drivers.simulator.plant.spindle import RadialError, SimulatedSpindle
 from drivers.simulator.plant.workpiece import OVERLAP
 from profiles.machine import MachineProfile
 from profiles.store import load_job
@@ -172,9 +172,9 @@ def slowly(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], None]]:
         patch(ServoAxis, "follow", SlowAxis.follow)
         patch(ServoAxis, "_drift", SlowAxis._drift)
         patch(Stretch, "length", lambda *_: 1)
-        patch(line, "_remembered", line._remembered.__wrapped__)
+        patch(line, "_parse_stateless_line", line._parse_stateless_line.__wrapped__)
         patch(CollisionWatch, "misses", lambda *_: False)
-        patch(Spindle, "_creeps", lambda *_: False)
+        patch(SimulatedSpindle, "_creeps", lambda *_: False)
         patch(CardMemory, "bits_of", lambda *_: None)
         patch(CardMemory, "passing", lambda *_: None)
         patch(blocks, "WORTH", math.inf)
@@ -368,11 +368,11 @@ def test_blocks_of_any_length_keep_the_same_positions() -> None:
     places = [float(n * n) for n in range(500)]
     done = 0
     for size in (1, 2, 3, 5, 7, 11, 200, 13, 258):
-        for at in many.kept(size, done):
+        for at in many.kept_cycles(size, done):
             many.keep(places[done + at])
         done += size
     assert done == len(places)
     for n, place in enumerate(places):
-        if one.kept(1, n):
+        if one.kept_cycles(1, n):
             one.keep(place)
     assert many.counts_per_cycle == one.counts_per_cycle == (499.0**2 - 435.0**2) / 64

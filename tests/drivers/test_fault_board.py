@@ -273,7 +273,7 @@ def _rows() -> dict[str, list[str]]:
 
 
 def _parameter_in_words(parameter: Parameter) -> str:
-    words = f"`{parameter.name}`: {parameter.allowed}".replace(" | ", ", ")
+    words = f"`{parameter.name}`: {parameter.range_text}".replace(" | ", ", ")
     if parameter.default is None:
         return words
     shown = f"{parameter.default:g}" if isinstance(parameter.default, float) else parameter.default

@@ -11,12 +11,12 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
 from drivers.simulator.faults.lines import (
     SPOILERS,
-    Piece,
-    Reply,
+    OutgoingReply,
+    ReplyPiece,
     as_bare_bell,
     as_nul,
     combine,
-    late,
+    delay_bytes,
     schedule,
     slow,
     split,
@@ -302,40 +302,40 @@ def test_nothing_is_garbled_any_more_after_a_clear(card: Wire) -> None:
 
 # What faults make of bytes: pure functions, without a card.
 
-VALUES = Reply(data=b"25\r50\r", end=b"\x06")
-REFUSED = Reply(data=b"25\r", end=b"\x07ERR003\r")
-ACCEPTED = Reply(end=b"\x06")
+VALUES = OutgoingReply(data=b"25\r50\r", end=b"\x06")
+REFUSED = OutgoingReply(data=b"25\r", end=b"\x07ERR003\r")
+ACCEPTED = OutgoingReply(end=b"\x06")
 
 # The sums of "25 CR", of "CR" and of the line "P1": 0x32 + 0x35 + 0x0D = 116, 13, and 0x50 + 0x31 = 129.
-SUMMED = Reply(data=b"25\r\x74\r\x0d", end=b"\x06", checksum=b"\x81", summed=True)
+SUMMED = OutgoingReply(data=b"25\r\x74\r\x0d", end=b"\x06", checksum=b"\x81", summed=True)
 
 
 @pytest.mark.parametrize(
     ("reply", "left"),
     [(VALUES, b"25\r50\r"), (ACCEPTED, b""), (REFUSED, b"25\r\x07ERR003\r"), (SUMMED, b"25\r\x74\r\x0d\x81")],
 )
-def test_a_dropped_acknowledgement_is_that_byte_alone(reply: Reply, left: bytes) -> None:
-    assert without_acknowledgement(reply).sent == left
+def test_a_dropped_acknowledgement_is_that_byte_alone(reply: OutgoingReply, left: bytes) -> None:
+    assert without_acknowledgement(reply).sent_bytes == left
 
 
 def test_an_extra_line_is_empty_and_has_its_checksum_where_lines_have_one() -> None:
-    assert with_empty_line(VALUES).sent == b"\r25\r50\r\x06"
-    assert with_empty_line(REFUSED).sent == b"\r25\r\x07ERR003\r"
-    assert with_empty_line(SUMMED).sent == b"\r\x0d" + SUMMED.sent
+    assert with_empty_line(VALUES).sent_bytes == b"\r25\r50\r\x06"
+    assert with_empty_line(REFUSED).sent_bytes == b"\r25\r\x07ERR003\r"
+    assert with_empty_line(SUMMED).sent_bytes == b"\r\x0d" + SUMMED.sent_bytes
 
 
 @pytest.mark.parametrize("reply", [VALUES, REFUSED, ACCEPTED, SUMMED])
-def test_a_nul_and_a_bare_bell_take_the_place_of_all(reply: Reply) -> None:
-    assert as_nul(reply).sent == b"\0"
-    assert as_bare_bell(reply).sent == b"\x07"
+def test_a_nul_and_a_bare_bell_take_the_place_of_all(reply: OutgoingReply) -> None:
+    assert as_nul(reply).sent_bytes == b"\0"
+    assert as_bare_bell(reply).sent_bytes == b"\x07"
 
 
 def test_checksums_are_wrong_by_one_and_go_round_to_zero() -> None:
-    assert with_wrong_checksums(SUMMED).sent == b"25\r\x75\r\x0e\x06\x82"
+    assert with_wrong_checksums(SUMMED).sent_bytes == b"25\r\x75\r\x0e\x06\x82"
     assert with_wrong_checksums(VALUES) == VALUES
-    refused = Reply(data=b"25\r\x74", end=b"\x07ERR003\r", summed=True)
-    assert with_wrong_checksums(refused).sent == b"25\r\x75\x07ERR003\r"
-    assert with_wrong_checksums(Reply(end=b"\x06", checksum=b"\xff", summed=True)).sent == b"\x06\0"
+    refused = OutgoingReply(data=b"25\r\x74", end=b"\x07ERR003\r", summed=True)
+    assert with_wrong_checksums(refused).sent_bytes == b"25\r\x75\x07ERR003\r"
+    assert with_wrong_checksums(OutgoingReply(end=b"\x06", checksum=b"\xff", summed=True)).sent_bytes == b"\x06\0"
 
 
 @given(st.binary(min_size=1, max_size=60), st.integers(2, 100), st.floats(0.001, 10.0))
@@ -353,8 +353,8 @@ def test_a_slow_line_and_a_late_reply_hold_back_what_comes_behind() -> None:
     assert [data for _, data in arrivals] == [b"x"] * 96
     assert arrivals[0][0] == pytest.approx(2.0 + 10 / 9600)
     assert arrivals[-1][0] == pytest.approx(2.1)
-    ((first_s, _),) = schedule(late(b"1", delay_s=0.5), 2.0, 0.0)
-    ((second_s, _),) = schedule([Piece(data=b"2")], 2.1, first_s)
+    ((first_s, _),) = schedule(delay_bytes(b"1", delay_s=0.5), 2.0, 0.0)
+    ((second_s, _),) = schedule([ReplyPiece(data=b"2")], 2.1, first_s)
     assert (first_s, second_s) == (2.5, 2.5)
 
 
@@ -366,7 +366,7 @@ def test_what_is_held_up_arrives_whole_and_in_order(units: list[tuple[bytes, flo
     now_s, last_s, arrivals = 0.0, 0.0, []
     for said, pause_s in units:
         now_s += pause_s
-        pieces = combine(late(said, delay_s=0.05), lambda part: split(part, pieces=3, gap_s=0.01))
+        pieces = combine(delay_bytes(said, delay_s=0.05), lambda part: split(part, pieces=3, gap_s=0.01))
         arrived = schedule(combine(pieces, lambda part: slow(part, baud=baud)), now_s, last_s)
         assert arrived[0][0] >= now_s + 0.05
         assert len(arrived) == len(said)
@@ -379,7 +379,7 @@ def test_what_is_held_up_arrives_whole_and_in_order(units: list[tuple[bytes, flo
 @pytest.mark.parametrize("name", SPOILERS)
 @given(data=st.binary(max_size=20), summed=st.booleans())
 def test_a_spoiled_reply_is_a_function_of_the_reply_alone(name: str, data: bytes, summed: bool) -> None:
-    reply = Reply(data=data, end=b"\x06", checksum=b"\x01" if summed else b"", summed=summed)
+    reply = OutgoingReply(data=data, end=b"\x06", checksum=b"\x01" if summed else b"", summed=summed)
     assert SPOILERS[name](reply) == SPOILERS[name](reply)
     # What has no checksum has none to be spoiled; everything else is seen.
-    assert (SPOILERS[name](reply).sent != reply.sent) is (summed or name != "wrong-checksum")
+    assert (SPOILERS[name](reply).sent_bytes != reply.sent_bytes) is (summed or name != "wrong-checksum")

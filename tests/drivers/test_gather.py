@@ -22,7 +22,7 @@ from drivers.pmac.gathering.gather import (
     listed_words,
     listing,
     long_words_of,
-    packed,
+    pack_samples,
     padding_of,
     selected_sources,
     setting_of,
@@ -443,20 +443,20 @@ def test_the_cycles_left_are_those_until_it_is_full(period: int, size: int, befo
 
 
 def test_registers_hold_integers_and_samples_their_sources_in_order() -> None:
-    assert packed([[2.5, -2.5, -0.2]], (3,), b"") == bytes.fromhex("030000 feffff 000000")
-    assert packed([[1.0, 2.0], [-1.0, 256.0]], (6, 3), b"\xab\xcd\xef") == bytes.fromhex(
+    assert pack_samples([[2.5, -2.5, -0.2]], (3,), b"") == bytes.fromhex("030000 feffff 000000")
+    assert pack_samples([[1.0, 2.0], [-1.0, 256.0]], (6, 3), b"\xab\xcd\xef") == bytes.fromhex(
         "010000000000 ffffff abcdef 020000000000 000100 abcdef"
     )
 
 
 @pytest.mark.parametrize(("value", "word"), [(nan, "000000"), (inf, "000000"), (2.0**80 + 2.0**40, "000000")])
 def test_what_no_register_holds_leaves_the_other_samples_alone(value: float, word: str) -> None:
-    assert packed([[1.0, value, -1.0]], (3,), b"") == bytes.fromhex(f"010000 {word} ffffff")
+    assert pack_samples([[1.0, value, -1.0]], (3,), b"") == bytes.fromhex(f"010000 {word} ffffff")
 
 
 @given(st.lists(st.floats() | st.floats(-1e15, 1e15), min_size=1), st.sampled_from((3, 6)))
 def test_many_are_packed_as_each_by_itself(values: list[float], width: int) -> None:
     whole = (floor(value + 0.5) if isfinite(value) else 0 for value in values)
-    assert packed([values], (width,), b"") == b"".join(
+    assert pack_samples([values], (width,), b"") == b"".join(
         (each % 256**width).to_bytes(width, "little") for each in whole
     )

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from drivers.link.address import EthernetAddress, parse_address
-from drivers.pmac.dialect import DIALECTS, PMAC, TURBO, Dialect, Setting
+from drivers.pmac.dialect import DIALECTS, PMAC, TURBO, Dialect, FamilySetting
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.settings import settings_with
 from drivers.simulator.machine import SimulatedLathe
@@ -263,7 +263,7 @@ def test_the_turbo_is_set_as_the_pmac_is_and_moves_the_iron_of_the_paper() -> No
     dialect = dialect_of(turbo)
     target = settings_with(paper.controller.variables, dialect)
     found = settings_with(turbo.controller.variables, dialect)
-    flags = {dialect.index(Setting.FLAG_MODE, motor) for motor in (1, 2, 3)}
+    flags = {dialect.index(FamilySetting.FLAG_MODE, motor) for motor in (1, 2, 3)}
     differing = {
         index for index in target.keys() | found.keys() if target.get(index, 0.0) != found.get(index, 0.0)
     }
@@ -282,7 +282,7 @@ def test_a_fault_of_one_motor_leaves_the_tool_to_retract(name: str) -> None:
     dialect = dialect_of(machine)
     settings = settings_with(machine.controller.variables, dialect)
     axes = {axis: getattr(machine, axis).motor for axis in ("tool", "spindle", "carriage")}
-    modes = {axis: int(settings[dialect.index(Setting.FLAG_MODE, motor)]) for axis, motor in axes.items()}
+    modes = {axis: int(settings[dialect.index(FamilySetting.FLAG_MODE, motor)]) for axis, motor in axes.items()}
     assert {mode & KILL_MODE for mode in modes.values()} == {ONLY_ITSELF}
     assert {axis for axis, mode in modes.items() if mode & NO_TRAVEL_SWITCHES} == {"spindle"}
 

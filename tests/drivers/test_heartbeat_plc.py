@@ -237,11 +237,11 @@ def test_a_time_is_never_rounded_up(time_ms: float, i10: int) -> None:
 def test_a_renewal_is_due_every_50_ms_and_a_lease_lapses_after_300() -> None:
     keeper = Keeper(dialect=TURBO, i10=FACTORY_I10)
     assert keeper.due_s(7.0) == 7.0
-    assert keeper.renewed(7.0).due_s(7.02) == pytest.approx(7.05)
+    assert keeper.record_renewal(7.0).due_s(7.02) == pytest.approx(7.05)
     keeper = Keeper(dialect=TURBO, i10=FACTORY_I10)
-    assert keeper.lapsed(0.0)
-    assert not keeper.renewed(1.0).lapsed(1.29)
-    assert keeper.renewed(1.0).lapsed(1.3)
+    assert keeper.has_lapsed(0.0)
+    assert not keeper.record_renewal(1.0).has_lapsed(1.29)
+    assert keeper.record_renewal(1.0).has_lapsed(1.3)
 
 
 def test_what_is_guarded_is_said_behind_the_lease_in_one_short_line() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from drivers.pmac.dialect import TURBO
 from drivers.pmac.language.syntax import VariableKind
-from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.hosts.port import INBOX_LIMIT, LINES_PER_TURN, WORK_PER_CYCLE
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
@@ -46,13 +46,13 @@ def answers(card: Wire, cycles: int) -> bytes:
 def counted(monkeypatch: pytest.MonkeyPatch, name: str) -> list[str]:
     """Count how often the card is told to do something."""
     calls: list[str] = []
-    done: Callable[[Controller], None] = getattr(Controller, name)
+    done: Callable[[SimulatedController], None] = getattr(SimulatedController, name)
 
-    def act(controller: Controller) -> None:
+    def act(controller: SimulatedController) -> None:
         calls.append(name)
         done(controller)
 
-    monkeypatch.setattr(Controller, name, act)
+    monkeypatch.setattr(SimulatedController, name, act)
     return calls
 
 

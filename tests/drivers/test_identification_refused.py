@@ -15,7 +15,7 @@ from drivers.identification.excitation import axis_word, return_hz, wave_counts
 from drivers.identification.health import HealthRequest, check_health
 from drivers.identification.identify import identify, take_up
 from drivers.identification.request import IdentificationRequest, clearance_mm, request_problems
-from drivers.identification.result import Origin
+from drivers.identification.result import ResponseOrigin
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError, ProfileError
@@ -253,21 +253,21 @@ def test_drives_that_somebody_has_switched_on_are_left_alone(machine: MachinePro
 DATE = "2001-11-30T14:05:00.000Z"
 
 
-def identified(stand: Stand, origin: Origin) -> object:
+def identified(stand: Stand, origin: ResponseOrigin) -> object:
     request = IdentificationRequest(path=Strategy.PVT, frequencies_hz=(50.0,))
     return identify(stand.rig, request, origin, DATE)
 
 
-def table_identified(stand: Stand, origin: Origin) -> object:
+def table_identified(stand: Stand, origin: ResponseOrigin) -> object:
     request = IdentificationRequest(path=Strategy.CAM, frequencies_hz=(50.0,))
     return identify(stand.rig, request, origin, DATE)
 
 
-def checked(stand: Stand, origin: Origin) -> object:
+def checked(stand: Stand, origin: ResponseOrigin) -> object:
     return check_health(stand.rig, HealthRequest(), origin, DATE)
 
 
-Measure = Callable[[Stand, Origin], object]
+Measure = Callable[[Stand, ResponseOrigin], object]
 EACH = pytest.mark.parametrize("measured", [identified, table_identified, checked])
 
 
@@ -288,7 +288,7 @@ def disturb(sim: SimulatedLathe, *lines: tuple[float, str]) -> None:
     sim.wait = waiting  # type: ignore[method-assign]
 
 
-def refusal(measured: Measure, stand: Stand, origin: Origin) -> Problem:
+def refusal(measured: Measure, stand: Stand, origin: ResponseOrigin) -> Problem:
     with pytest.raises(DriverError) as ended:
         measured(stand, origin)
     return ended.value.problems[0]

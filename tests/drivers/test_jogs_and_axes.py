@@ -20,7 +20,7 @@ from drivers.pmac.axes import (
 from drivers.pmac.dialect import PMAC, TURBO
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
-from drivers.simulator.card.jog_motion import Stage
+from drivers.simulator.card.jog_motion import TriggerStage
 from profiles.problem import ProfileError
 from tests.drivers.conftest import Bench, Recorder
 from tests.drivers.ideal_card import BLOCK, CYCLE_MS, IdealCard, refused
@@ -62,7 +62,7 @@ def test_a_jog_until_a_trigger_ends_so_many_counts_past_it(card: IdealCard) -> N
     motor = card.motor()
     motor.jog_to(5000, past_trigger=-20.0)
     card.wait(10)
-    assert (motor.jog.stage, motor.jog.homes, motor.home_complete) == (Stage.SEARCHING, False, False)
+    assert (motor.jog.stage, motor.jog.homes, motor.home_complete) == (TriggerStage.SEARCHING, False, False)
     assert jogged(card) == pytest.approx(1500 - 20)
     assert (motor.jog.stage, motor.home_complete) == (None, False)
 
@@ -71,7 +71,7 @@ def test_without_a_trigger_it_ends_where_it_was_told_and_the_bit_stays(card: Ide
     motor = card.motor()
     motor.jog_to(1000, past_trigger=0.0)
     assert jogged(card) == 1000
-    assert motor.jog.stage not in (None, Stage.SEARCHING)
+    assert motor.jog.stage not in (None, TriggerStage.SEARCHING)
     motor.jog_by(1.0)
     assert motor.jog.stage is None
 
@@ -80,7 +80,7 @@ def test_the_search_bit_ends_with_the_trigger_and_home_complete_comes_with_it(ca
     card.set(I123=-5)
     motor = card.motor()
     motor.home()
-    while motor.jog.stage is Stage.SEARCHING:
+    while motor.jog.stage is TriggerStage.SEARCHING:
         assert not motor.home_complete
         card.block()
     assert motor.home_complete
@@ -427,7 +427,7 @@ def test_a_preset_axis_is_where_it_was_told_to_be() -> None:
     (definition,) = read_definitions(["#1->100X+50"])
     origins = preset_origins({}, {"X": 3.0}, {"X": 10.0})
     assert origins == {"X": 7.0}
-    moved = definition.shifted(origins)
+    moved = definition.shift_origins(origins)
     assert moved.counts({"X": 10.0}) == definition.counts({"X": 3.0})
     assert axis_positions({1: moved}, {1: 350.0}) == {"X": 10.0}
     once = preset_origins({}, {"X": 3.0, "Y": 1.0}, {"X": 10.0, "Y": 4.0})

@@ -10,11 +10,16 @@ from typing import Any
 
 import pytest
 
-from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
+from drivers.commissioning.fingerprint import (
+    ControllerFingerprint,
+    console_facts,
+    fingerprint_problems,
+    read_fingerprint,
+)
 from drivers.cutting.planning import plan_cut
 from drivers.cutting.strategy import Strategy
 from drivers.errors import DriverError, RefusedError
-from drivers.lathe.guards import unguarded
+from drivers.lathe.guards import accept_any_state
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -178,12 +183,12 @@ def test_a_plc_that_shows_the_same_count_twice_gets_its_time(kept: Kept, monkeyp
 def test_a_step_of_the_tool_is_as_long_with_what_a_table_has_left(kept: Kept, held_counts: float) -> None:
     """Its commanded position has the correction, and that of a jog has not: it must count once."""
     kept.lathe.home()
-    before = kept.lathe.snapshot().tool.commanded
+    before = kept.lathe.snapshot().tool.commanded_position
     kept.sim.controller.motors[1].correction = held_counts
     kept.sim.wait(0.5)
-    assert kept.lathe.snapshot().tool.commanded == pytest.approx(before + held_counts, abs=1)
+    assert kept.lathe.snapshot().tool.commanded_position == pytest.approx(before + held_counts, abs=1)
     kept.lathe.jog_by(AxisName.TOOL, 500.0)
-    assert kept.lathe.snapshot().tool.commanded == pytest.approx(before + held_counts + 500.0, abs=1)
+    assert kept.lathe.snapshot().tool.commanded_position == pytest.approx(before + held_counts + 500.0, abs=1)
 
 
 @pytest.mark.parametrize(("policy", "within_s"), [("retract", 6.35), ("stop", 6.35), ("finish", float("inf"))])
@@ -322,7 +327,7 @@ def test_the_polls_of_a_cut_are_uneven_so_that_every_angle_is_seen(kept: Kept, g
     kept.lathe.program.load(read_program(SLOW.replace("60000", "2000")))
     kept.lathe.program.start(3, 0.0)
     polls: list[Snapshot] = []
-    kept.lathe.program.follow(polls.append, 60.0, (lambda _: ()) if guarded else unguarded)
+    kept.lathe.program.follow(polls.append, 60.0, (lambda _: ()) if guarded else accept_any_state)
     asked_s = [poll.asked_s for poll in polls if poll.moving]
     apart_s = sorted(after - before for before, after in pairwise(asked_s))
     tenth = len(apart_s) // 10
@@ -332,20 +337,20 @@ def test_the_polls_of_a_cut_are_uneven_so_that_every_angle_is_seen(kept: Kept, g
 # What is compared before each cut: what a stranger changes is named, what the console does is no change.
 
 
-def taken(card: Commissioned, since: Fingerprint | None = None) -> Fingerprint:
+def taken(card: Commissioned, since: ControllerFingerprint | None = None) -> ControllerFingerprint:
     return read_fingerprint(card.client, card.machine, card.dialect, since)
 
 
-def told(card: Commissioned, before: Fingerprint) -> list[tuple[str, str, str, str]]:
+def told(card: Commissioned, before: ControllerFingerprint) -> list[tuple[str, str, str, str]]:
     """What is said of a card, once by a whole reading and once by the quick one: the same."""
-    own = ours(card.machine, card.dialect)
+    own = console_facts(card.machine, card.dialect)
     whole = fingerprint_problems(before, taken(card), own)
     assert fingerprint_problems(before, taken(card, before), own) == whole
     return [(p.code.removeprefix("fingerprint."), p.key, p.value, p.limit) for p in whole]
 
 
 @pytest.fixture(scope="module")
-def before(machine: MachineProfile) -> Fingerprint:
+def before(machine: MachineProfile) -> ControllerFingerprint:
     """That of a card to which nothing was done."""
     return taken(commissioned(machine))
 
@@ -363,14 +368,16 @@ def before(machine: MachineProfile) -> Fingerprint:
     ],
 )
 def test_what_a_stranger_writes_is_named_with_both_values(
-    machine: MachineProfile, before: Fingerprint, line: str, said: tuple[str, str, str, str]
+    machine: MachineProfile, before: ControllerFingerprint, line: str, said: tuple[str, str, str, str]
 ) -> None:
     card = commissioned(machine)
     card.tell(line)
     assert told(card, before) == [said]
 
 
-def test_a_stranger_who_sends_programs_and_plcs_is_found(machine: MachineProfile, before: Fingerprint) -> None:
+def test_a_stranger_who_sends_programs_and_plcs_is_found(
+    machine: MachineProfile, before: ControllerFingerprint
+) -> None:
     card = commissioned(machine)
     card.tell("OPEN PLC3 CLEAR", "P1=1", "CLOSE", "OPEN PROG7 CLEAR", "X1", "CLOSE")
     assert [(code, key) for code, key, _, _ in told(card, before)] == [
@@ -392,7 +399,9 @@ def test_a_strangers_table_is_found_by_its_entries(machine: MachineProfile) -> N
     assert [(code, key) for code, key, _, _ in told(card, before)] == [("changed", "#3 COMP")]
 
 
-def test_a_conversion_turned_to_another_encoder_is_found(machine: MachineProfile, before: Fingerprint) -> None:
+def test_a_conversion_turned_to_another_encoder_is_found(
+    machine: MachineProfile, before: ControllerFingerprint
+) -> None:
     card = commissioned(machine)
     table = card.dialect.conversion_table
     if table.first_setting is None:
@@ -405,7 +414,7 @@ def test_a_conversion_turned_to_another_encoder_is_found(machine: MachineProfile
 
 
 def test_another_card_is_found(
-    machine: MachineProfile, before: Fingerprint, monkeypatch: pytest.MonkeyPatch
+    machine: MachineProfile, before: ControllerFingerprint, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     card = commissioned(machine)
     card.update_firmware(monkeypatch)
@@ -419,7 +428,7 @@ def test_another_card_is_found(
 )
 @pytest.mark.first(2)
 def test_what_the_console_does_for_a_cut_is_no_change(
-    machine: MachineProfile, before: Fingerprint, strategy: Strategy
+    machine: MachineProfile, before: ControllerFingerprint, strategy: Strategy
 ) -> None:
     card = commissioned(machine)
     job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.5)

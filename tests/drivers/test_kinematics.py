@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.pmac.analysis.findings import Code
+from drivers.pmac.analysis.findings import FindingCode
 from drivers.pmac.analysis.program import check_program
 from drivers.pmac.dialect import PMAC, TURBO
 from profiles.machine import MachineProfile
@@ -205,7 +205,7 @@ TEXT = "\n".join(
 def test_the_checker_predicts_what_the_card_does(segment: int) -> None:
     turbo = of_family(load_machine("lee-2001-lathe").machine, "turbo")
     checked = check_program(TEXT.format(segment=segment), turbo)
-    assert not [f for f in checked.findings if f.code in (Code.LINE_REFUSED, Code.RUN_TIME_ERROR)]
+    assert not [f for f in checked.findings if f.code in (FindingCode.LINE_REFUSED, FindingCode.RUN_TIME_ERROR)]
     assert checked.motors == (4, 5), "the text undefines all other axes"
     arms = [checked.motors.index(motor) for motor in (4, 5)]
     for move, place in zip(checked.moves, ((600.0, 200.0), (450.0, -250.0)), strict=True):
@@ -216,6 +216,6 @@ def test_the_checker_predicts_what_the_card_does(segment: int) -> None:
 def test_the_checker_refuses_them_where_the_family_has_none() -> None:
     text = TEXT.replace("I5150=1 I5113={segment}", "P9=0")
     checked = check_program(text, load_machine("lee-2001-lathe").machine)
-    refused = {line for f in checked.findings if f.code is Code.LINE_REFUSED for line in f.lines}
+    refused = {line for f in checked.findings if f.code is FindingCode.LINE_REFUSED for line in f.lines}
     wrong = ("#4->I", "#5->I", "OPEN FORWARD CLEAR", "OPEN INVERSE CLEAR")
     assert {text.splitlines().index(line) + 1 for line in wrong} <= refused

@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.commissioning.stop_record import (
-    Origin,
+    PriorMotion,
     StopEntry,
+    StopMethod,
     StopRecord,
     StopsNow,
-    Way,
     needed_stops,
     record_problems,
     stop_key,
@@ -297,12 +297,14 @@ def test_something_that_is_no_controller_is_told(bench: Bench, machine: MachineP
 
 TODAY = date(2026, 3, 1)
 LATHE = load_machine("lee-2001-lathe").machine
-NEEDED = tuple((way, origin, axis) for way in Way for origin in Origin for axis in ("tool", "spindle", "carriage"))
+NEEDED = tuple(
+    (way, origin, axis) for way in StopMethod for origin in PriorMotion for axis in ("tool", "spindle", "carriage")
+)
 KEY = "5" * 64
 NOW = StopsNow(machine=LATHE, key=KEY, today=TODAY, stop_way=StopWay.DIRECT, address="tcp:lathe:1")
 
 
-def entry(way: Way, origin: Origin, axis: str) -> StopEntry:
+def entry(way: StopMethod, origin: PriorMotion, axis: str) -> StopEntry:
     """A tenth of a second from 10 mm/s or 100 rpm: less than 1 mm, less than 60 deg."""
     if axis == "spindle":
         return StopEntry(way=way, origin=origin, axis=axis, time_s=0.1, distance_deg=30.0, speed_rpm=100.0)
@@ -359,7 +361,7 @@ def test_another_link_may_lead_to_another_machine_and_a_connection_for_stops_doe
 
 
 @given(st.sets(st.sampled_from(NEEDED), min_size=1))
-def test_no_stop_may_be_missing(missing: set[tuple[Way, Origin, str]]) -> None:
+def test_no_stop_may_be_missing(missing: set[tuple[StopMethod, PriorMotion, str]]) -> None:
     met = record()
     kept = tuple(e for e in met.entries if (e.way, e.origin, e.axis) not in missing)
     assert codes(replace(met, entries=kept)) == ["stops.incomplete"]

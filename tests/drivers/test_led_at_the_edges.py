@@ -47,7 +47,9 @@ def test_a_motor_that_follows_stops_at_its_limit_and_says_so(
 
 
 def test_a_cam_that_leads_beyond_a_limit_sets_the_bit_and_ends_the_program(machine: MachineProfile) -> None:
-    table = TableDefinition(motor=3, sources=(TableSource(2, 10_000),), target=3, columns=2).filled([16 * 5000, 0])
+    table = TableDefinition(motor=3, sources=(TableSource(2, 10_000),), target=3, columns=2).fill_table(
+        [16 * 5000, 0]
+    )
     card = wire(machine)
     card.tell(*table_lines(table), "#1J/#2J/#3J/", "&1#2->0", "I313=1000", "I222=10")
     card.tell("OPEN PROG 1 CLEAR", "LINEAR INC TA10 TM60000 X1", "CLOSE", "I51=1", "&1B1R", "#2J+")
@@ -136,7 +138,7 @@ def test_time_that_a_master_took_back_is_not_owed(machine: MachineProfile, diale
 
 
 def test_a_motor_activated_again_is_not_thrown_by_its_table(machine: MachineProfile) -> None:
-    table = TableDefinition(motor=4, sources=(TableSource(2, 1000),), target=4, columns=2).filled([1600, 0])
+    table = TableDefinition(motor=4, sources=(TableSource(2, 1000),), target=4, columns=2).fill_table([1600, 0])
     card = wire(machine)
     card.tell(*table_lines(table), "I400=0", "I51=1", "#2J/", "#2J=500")
     card.settle()

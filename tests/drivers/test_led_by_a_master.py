@@ -21,7 +21,7 @@ from drivers.pmac.master.time_base import (
     FollowingMode,
     FollowingSetup,
     TimeBaseEntry,
-    Trigger,
+    TimeBaseTrigger,
     TriggeredTimeBase,
     entry_of,
     in_counts,
@@ -75,7 +75,7 @@ def card_with(machine: MachineProfile, dialect: Dialect) -> Wire:
     return card
 
 
-def time_base(card: Wire, trigger: Trigger | None = None) -> None:
+def time_base(card: Wire, trigger: TimeBaseTrigger | None = None) -> None:
     """Let the spindle lead coordinate system 1."""
     place, dialect = places(card.card.dialect), card.card.dialect
     source = place.encoder if trigger is None else place.channel
@@ -174,7 +174,7 @@ def test_a_triggered_program_begins_exactly_at_the_index(machine: MachineProfile
     card.sim.wait(1.0)
     place = places(dialect)
     card.tell(place.trigger)
-    time_base(card, Trigger.FROZEN)
+    time_base(card, TimeBaseTrigger.FROZEN)
     card.tell("&1B1R")
     spindle, carriage = record(card, SPINDLE), record(card, CARRIAGE)
     card.sim.wait(0.3)  # nearly four turns, and nothing moves
@@ -424,23 +424,23 @@ def test_a_thirty_second_of_a_count_is_seen_and_a_cycle_gives_less_than_1_ms() -
 
 
 def test_a_frozen_time_base_stands_and_one_set_running_by_hand_does_not_jump() -> None:
-    base = TriggeredTimeBase(state=Trigger.RUNNING, factor=800, counts=1000)
-    base, units = replace(base, state=Trigger.FROZEN).step(1072)
-    assert (base.state, units) == (Trigger.FROZEN, 0)
+    base = TriggeredTimeBase(state=TimeBaseTrigger.RUNNING, factor=800, counts=1000)
+    base, units = replace(base, state=TimeBaseTrigger.FROZEN).step(1072)
+    assert (base.state, units) == (TimeBaseTrigger.FROZEN, 0)
     base, units = base.step(1144, captured=1100)
-    assert (base.state, units) == (Trigger.FROZEN, 0)
-    base, units = replace(base, state=Trigger.ARMED).step(1216)
-    assert (base.state, units) == (Trigger.ARMED, 0)
-    base, _ = TriggeredTimeBase(state=Trigger.FROZEN, factor=800).step(50_000)
-    _, units = replace(base, state=Trigger.RUNNING).step(50_010)
+    assert (base.state, units) == (TimeBaseTrigger.FROZEN, 0)
+    base, units = replace(base, state=TimeBaseTrigger.ARMED).step(1216)
+    assert (base.state, units) == (TimeBaseTrigger.ARMED, 0)
+    base, _ = TriggeredTimeBase(state=TimeBaseTrigger.FROZEN, factor=800).step(50_000)
+    _, units = replace(base, state=TimeBaseTrigger.RUNNING).step(50_010)
     assert units / UNITS_PER_MS == 10 / 163.84
 
 
 def test_time_begins_exactly_at_the_captured_count() -> None:
     # 4096 lines at 600 rpm, 163.84 counts/ms: 45 deg behind the index are 2048 counts, 12.5 ms.
-    base = TriggeredTimeBase(state=Trigger.ARMED, factor=800, counts=16_300)
+    base = TriggeredTimeBase(state=TimeBaseTrigger.ARMED, factor=800, counts=16_300)
     base, units = base.step(16_390, captured=16_384)
-    assert base.state is Trigger.RUNNING
+    assert base.state is TimeBaseTrigger.RUNNING
     assert units / UNITS_PER_MS == 6 / 163.84
     elapsed = units
     for counts in [*range(16_462, 16_384 + 2048, 72), 16_384 + 2048]:
@@ -452,12 +452,12 @@ def test_time_begins_exactly_at_the_captured_count() -> None:
 def test_the_set_up_lines_of_the_manuals() -> None:
     untriggered = TimeBaseEntry(line=9, source=0x723, factor=512)
     assert untriggered.commands(PMAC) == ["WY:$729,$400723,512", "I193=$72A", "I194=8388607"]
-    triggered = TimeBaseEntry(line=10, source=0xC00C, factor=800, trigger=Trigger.RUNNING)
+    triggered = TimeBaseEntry(line=10, source=0xC00C, factor=800, trigger=TimeBaseTrigger.RUNNING)
     assert triggered.commands(PMAC)[:2] == ["WY:$72A,$A0C00C,800", "I193=$72B"]
     turbo = TimeBaseEntry(line=8, source=0x3504, factor=512)
     assert turbo.commands(TURBO) == ["I8008=$403504", "I8009=512", "I5193=$350A", "I5194=8388607"]
     assert turbo.commands(TURBO, system=2)[2:] == ["I5293=$350A", "I5294=8388607"]
-    entry = TimeBaseEntry(line=8, source=0x78018, factor=512, trigger=Trigger.FROZEN, pmac2_encoder=True)
+    entry = TimeBaseEntry(line=8, source=0x78018, factor=512, trigger=TimeBaseTrigger.FROZEN, pmac2_encoder=True)
     assert f"{entry.word():06X}" == "9F8018"  # 9, bit 19, and the address below it
     assert entry_of(0, 0xC000, 0) is None
 
@@ -466,8 +466,8 @@ def test_the_set_up_lines_of_the_manuals() -> None:
     "entry",
     [
         TimeBaseEntry(line=9, source=0x723, factor=512),
-        TimeBaseEntry(line=10, source=0xC00C, factor=800, trigger=Trigger.ARMED),
-        TimeBaseEntry(line=8, source=0x78018, factor=512, trigger=Trigger.FROZEN, pmac2_encoder=True),
+        TimeBaseEntry(line=10, source=0xC00C, factor=800, trigger=TimeBaseTrigger.ARMED),
+        TimeBaseEntry(line=8, source=0x78018, factor=512, trigger=TimeBaseTrigger.FROZEN, pmac2_encoder=True),
     ],
 )
 def test_an_entry_is_read_back_from_its_words(entry: TimeBaseEntry) -> None:

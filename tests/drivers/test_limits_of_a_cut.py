@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 from drivers.cutting.bounds import Trim
-from drivers.cutting.corrected import with_spindle
+from drivers.cutting.corrected_motion import with_spindle
 from drivers.cutting.feed_hold import FeedHold, HoldLedger, HoldReport, HoldState
 from drivers.cutting.guarding import cut_guard
 from drivers.cutting.planning import Strategy, plan_cut

@@ -21,7 +21,16 @@ from drivers.lathe.stop import ABORT_ALL, KILL_ALL, StopPath, StoppedError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.exchange import CHECKSUM_TIMEOUT_S
-from drivers.pmac.framing import ASK, ChecksumForm, FaultKind, LineCheck, checksum, form_of, shown, unmistakable
+from drivers.pmac.framing import (
+    ASK,
+    ChecksumForm,
+    FaultKind,
+    LineCheck,
+    checksum,
+    form_of,
+    format_reply,
+    unmistakable,
+)
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.system.lathe_sites import compact
@@ -405,4 +414,4 @@ def test_a_checksum_is_shown_as_a_number_and_one_like_an_ack_is_avoided() -> Non
     line = b"#3J=900000"
     assert checksum(line) == 6
     assert unmistakable(line) == line + b" "
-    assert [shown(each) for each in (b"u", b"117\r", b"7", b"\x06\0")] == ["117", "117", "55", "6 0"]
+    assert [format_reply(each) for each in (b"u", b"117\r", b"7", b"\x06\0")] == ["117", "117", "55", "6 0"]

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 
 from drivers.clock import Clock
 from drivers.errors import ControllerError, DriverError, LinkError, LinkTimeoutError
+from drivers.lathe.console_role import Signature
 from drivers.lathe.ownership import ITEMS, read_signature, sign
-from drivers.lathe.standing import Signature
 from drivers.lathe.stop import StopPath
 from drivers.link.base import StopWay
 from drivers.link.memory import MemoryLink
@@ -161,7 +161,7 @@ def test_the_lines_of_a_dialogue_do_not_depend_on_how_the_bytes_arrive(data: byt
     for found, size in ((whole, len(data) or 1), (pieces, at_once)):
         dialogue = Dialogue(lambda *line, found=found: found.append(line))
         for place in range(0, len(data), size):
-            dialogue.heard(1.0, "<", data[place : place + size])
+            dialogue.take_bytes(1.0, "<", data[place : place + size])
         dialogue.end(1.0, "<")
     assert whole == pieces
     assert sum(line.count("[ACK]") for _, _, line in whole) == data.count(b"\x06")

@@ -255,7 +255,7 @@ def test_without_an_inverse_the_band_is_widest_and_without_an_axis_there_is_none
     band = bounds(experiment, machine, Strategy.NONE)
     assert (band.low_percent, band.low_by) == (80, "widest")
     for strategy, lathe in ((Strategy.TIMEBASE, machine), (Strategy.CAM, with_inverter(machine))):
-        assert bounds(experiment, lathe, strategy).refused(Adjustable.OVERRIDE) == "cut.no_override"
+        assert bounds(experiment, lathe, strategy).refusal_code(Adjustable.OVERRIDE) == "cut.no_override"
 
 
 def polls(*percents: float) -> list[Snapshot]:
@@ -295,7 +295,7 @@ def test_an_override_that_was_commanded_has_two_seconds_to_arrive() -> None:
     override = FeedOverride(cast(Any, free), cast(Any, free), cast(Any, free))
 
     def expected(at_s: float, percent: float) -> tuple[float, float]:
-        return override.expected(seen(at_s, percent=percent))
+        return override.expected_range(seen(at_s, percent=percent))
 
     assert expected(0.0, 100.0) == (100.0, 100.0)
     override.command(80)

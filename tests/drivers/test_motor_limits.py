@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from drivers.pmac.axes import read_definitions
-from drivers.pmac.dialect import PMAC, TURBO, Dialect, Setting
+from drivers.pmac.dialect import PMAC, TURBO, Dialect, FamilySetting
 from drivers.simulator.card.coordinate import CoordinateSystem
 from tests.drivers.ideal_card import BLOCK, CYCLE_MS, IdealCard, refused, said
 
@@ -171,7 +171,7 @@ def test_the_switch_stops_the_direction_of_the_other_name(card: IdealCard, pin: 
 
 
 def test_bit_17_of_the_flag_mode_takes_the_switches_away_but_not_ix13(card: IdealCard, dialect: Dialect) -> None:
-    card.set(**{f"I{dialect.index(Setting.FLAG_MODE, 1)}": 0x20000})
+    card.set(**{f"I{dialect.index(FamilySetting.FLAG_MODE, 1)}": 0x20000})
     card.motor().travel.minus_pin = True
     card.motor().jog_to(1000)
     card.settle()
@@ -247,7 +247,7 @@ def faults_card(request: pytest.FixtureRequest) -> IdealCard:
 
 
 def set_mode(faults_card: IdealCard, mode: int) -> None:
-    faults_card.set(**{f"I{faults_card.controller.dialect.index(Setting.FLAG_MODE, 1)}": float(mode)})
+    faults_card.set(**{f"I{faults_card.controller.dialect.index(FamilySetting.FLAG_MODE, 1)}": float(mode)})
 
 
 def closed(faults_card: IdealCard) -> list[int]:
@@ -393,7 +393,9 @@ def position_card(request: pytest.FixtureRequest) -> IdealCard:
 
 
 def set_looks(position_card: IdealCard, looks: int) -> None:
-    position_card.set(**{f"I{position_card.controller.dialect.index(Setting.IN_POSITION_LOOKS, 1)}": float(looks)})
+    position_card.set(
+        **{f"I{position_card.controller.dialect.index(FamilySetting.IN_POSITION_LOOKS, 1)}": float(looks)}
+    )
 
 
 @pytest.mark.parametrize("looks", [0, 1, 4])

@@ -9,14 +9,14 @@ import pytest
 from console.school.training.lesson import Item
 from console.session.station.commands import Approach, AskTruth, Jog, TakeJaw
 from drivers.lathe.snapshot import AxisName
-from drivers.simulator.plant.collision import Clamped, CollisionWatch, Track
+from drivers.simulator.plant.collision import ClampedBlank, CollisionWatch, Track
 from tests.console.floor import open_floor
 from tests.school.test_debrief import JOB, Pupil, marks_of, part_lesson
 from tests.school.test_lessons import homes
 
 CYCLE_MS = 0.5
 JAW_FACE_MM, JAW_OUTER_MM = 200.0, 70.0
-PART = Clamped(radius_mm=26.0, bore_mm=23.5, deepest_mm=24.8725, free_end_mm=170.0)
+PART = ClampedBlank(radius_mm=26.0, bore_mm=23.5, deepest_mm=24.8725, free_end_mm=170.0)
 
 
 def watch() -> CollisionWatch:

@@ -9,11 +9,11 @@ import pytest
 
 from drivers.cutting.bounds import Trim
 from drivers.errors import RefusedError
+from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.snapshot import AxisName
-from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
@@ -51,7 +51,7 @@ def test_the_first_owns_and_the_second_looks_on(sim: SimulatedLathe) -> None:
     assert refused.value.problems[0].value == str(first.number)
     with pytest.raises(RefusedError):
         second.refuse_unless_owner()
-    assert first.standing is Standing.OWNER
+    assert first.standing is ConsoleRole.OWNER
 
 
 def test_who_gives_it_back_leaves_it_free(sim: SimulatedLathe) -> None:
@@ -59,7 +59,7 @@ def test_who_gives_it_back_leaves_it_free(sim: SimulatedLathe) -> None:
     first.claim()
     first.release()
     second.claim()
-    assert (first.standing, second.standing) == (Standing.OBSERVER, Standing.OWNER)
+    assert (first.standing, second.standing) == (ConsoleRole.OBSERVER, ConsoleRole.OWNER)
     first.release()
     assert sim.controller.variables.get(VariableKind.P, OWNER) == second.number, "what is not ours stays"
 
@@ -72,7 +72,7 @@ def test_a_take_over_needs_rest_and_is_seen_by_who_was_pushed_aside(sim: Simulat
     assert refusal(refused) == "owner.moving"
     assert second.take_control(at_rest=True) == first.number
     first.see(second.number)
-    assert first.standing is Standing.OUSTED
+    assert first.standing is ConsoleRole.OUSTED
     with pytest.raises(RefusedError) as refused:
         first.refuse_unless_owner()
     assert refusal(refused) == "owner.held"
@@ -153,7 +153,7 @@ def test_what_a_cut_has_changed_is_put_back_by_its_owner(sim: SimulatedLathe, ma
     with pytest.raises(RefusedError):
         lathe.program.put_back()
     assert sent == []
-    lathe.ownership.standing = Standing.OWNER
+    lathe.ownership.standing = ConsoleRole.OWNER
     lathe.program.put_back()
     assert sent == ["&1%100", "P12=34"]
     lathe.program.override.command(80)

@@ -387,7 +387,7 @@ def test_a_zero_that_is_set_on_an_axis_that_nothing_holds_is_found_and_a_hand_is
         counts = place_mm * machine.carriage.counts_per_mm
         axis = AxisState(position=counts, following_error=0.0, flags=frozenset({"activated", "home_complete"}))
         assert not axis.closed
-        held.judged(replace(polled(carriage=axis), program_running=False), ours=True)
+        held.judge_poll(replace(polled(carriage=axis), program_running=False), ours=True)
     assert (set(held.shifted) == {AxisName.CARRIAGE}) is shifted
 
 
@@ -399,7 +399,7 @@ def test_what_we_or_the_controller_move_is_no_shift(machine: MachineProfile, by:
 
     def see(place_mm: float, lost: int = 0) -> None:
         axis = AxisState(place_mm * machine.carriage.counts_per_mm, following_error=0.0, flags=flags)
-        held.judged(replace(polled(carriage=axis), program_running=False, lost=lost), ours=True)
+        held.judge_poll(replace(polled(carriage=axis), program_running=False, lost=lost), ours=True)
 
     for _ in range(3):
         see(5.0)

@@ -12,7 +12,7 @@ from drivers.lathe.ownership import ITEMS
 from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.reserved import OWN_VARIABLES
-from drivers.requests.permitted import Kind, gathers, permission, watched
+from drivers.requests.permitted_lines import RequestKind, gathers, parse_watch_item, permission
 from tests.tui.side_stage import DirectSide
 from tests.tui.stage import lathe
 
@@ -55,9 +55,9 @@ ODD = ("", "\x01", "I130\r#1J+", "한글", "I130\x0b", "P" * 200)
 @FAMILIES
 def test_queries_are_permitted(dialect: Dialect) -> None:
     for line in (*QUERIES, *MEMORY):
-        assert permission(line, dialect).kind is Kind.QUERY, line
+        assert permission(line, dialect).kind is RequestKind.QUERY, line
     for line in ("LIST PLC 1", "LIST PROG 10", "LIST GATHER 0,16"):
-        assert permission(line, dialect).kind is Kind.LISTING, line
+        assert permission(line, dialect).kind is RequestKind.LISTING, line
 
 
 @FAMILIES
@@ -96,10 +96,10 @@ def test_a_register_of_the_hardware_is_not_read_by_its_address() -> None:
 
 @FAMILIES
 def test_only_single_values_are_watched(dialect: Dialect) -> None:
-    assert [watched(item, dialect) for item in (" p100 ", "#1P", "RHX:$3D")] == ["P100", "#1P", "RHX:$3D"]
+    assert [parse_watch_item(item, dialect) for item in (" p100 ", "#1P", "RHX:$3D")] == ["P100", "#1P", "RHX:$3D"]
     for item in ("P1 P2", "P1..4", "LIST PLC 1", "RX:$28,2", "#1", "P1=1"):
         with pytest.raises(RefusedError):
-            watched(item, dialect)
+            parse_watch_item(item, dialect)
 
 
 @FAMILIES
@@ -175,15 +175,15 @@ PROGRAM, PLC = BufferKind.PROGRAM, BufferKind.PLC
     ],
 )
 def test_a_line_is_judged_by_what_it_writes(kind: BufferKind, line: str, written: tuple[str, ...]) -> None:
-    assert OwnVariables(DIALECTS["pmac"]).written(kind, line) == written
+    assert OwnVariables(DIALECTS["pmac"]).find_written(kind, line) == written
 
 
 @pytest.mark.parametrize(("family", "written"), [("pmac", ("M70", "M71")), ("turbo", ("I5111", "I5112"))])
 def test_a_program_that_winds_up_a_timer_of_the_heartbeat_is_seen(family: str, written: tuple[str, ...]) -> None:
     """Each renews the lease of a host that may be gone: nothing would end its motion."""
     of_family = OwnVariables(DIALECTS[family])
-    assert of_family.written(PLC, "M70=1000000 M71=1 I5111=1000000 I5112=1") == written
-    assert of_family.written(PLC, 'CMD"M70=9 M71..71=9 I5111=9 I(5000+112)=9"') == written
+    assert of_family.find_written(PLC, "M70=1000000 M71=1 I5111=1000000 I5112=1") == written
+    assert of_family.find_written(PLC, 'CMD"M70=9 M71..71=9 I5111=9 I(5000+112)=9"') == written
 
 
 def test_the_signature_ends_where_what_belongs_to_the_console_ends() -> None:

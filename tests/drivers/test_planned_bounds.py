@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from drivers.commissioning.backup import backup_text, read_backup, typed_lines
 from drivers.commissioning.comparison import differences
-from drivers.commissioning.configuration import Configuration
+from drivers.commissioning.configuration import ControllerConfiguration
 from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.commissioning.restoring import left_differing, refuse_other_memory, restore, restore_lines
 from drivers.commissioning.user_buffer import UserWords, read_place, read_words, word_lines
 from drivers.cutting.bounds import UNTRIMMED, Trim
 from drivers.cutting.feed_hold import turns_back
 from drivers.cutting.guarding import cut_guard
-from drivers.cutting.live_trim import trim_um, untrimmed
+from drivers.cutting.live_trim import subtract_trim, trim_um
 from drivers.cutting.override import bounds_of
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.errors import LinkError, RefusedError
@@ -41,7 +41,7 @@ from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError, ProfileError
 from profiles.store import load_machine
-from profiles.strict_values import renamed
+from profiles.strict_values import rename_keys
 from tests.drivers.commissioned import Commissioned, commissioned
 from tests.drivers.conftest import JobMaker
 from tests.drivers.cut_floor import with_inverter
@@ -95,8 +95,8 @@ def test_a_trim_is_in_the_path_and_taken_out_of_a_poll(machine: MachineProfile, 
     assert trim_um(plan, UNTRIMMED, most) == 0.0
     spindle = commanded(most / 360.0 * machine.spindle.counts_per_rev)
     poll = polled(0.0, tool=commanded(1000.0), spindle=spindle)
-    assert untrimmed(poll, plan, machine, UNTRIMMED) is poll
-    shifted = untrimmed(poll, plan, machine, Trim(gain_percent=10.0)).tool.position
+    assert subtract_trim(poll, plan, machine, UNTRIMMED) is poll
+    shifted = subtract_trim(poll, plan, machine, Trim(gain_percent=10.0)).tool.position
     assert shifted == pytest.approx(1000.0 - found_um / 0.2, abs=0.01)
 
 
@@ -204,7 +204,7 @@ def test_the_nominal_tool_is_as_its_model_and_everything_is_as_before(machine: M
     assert after.settings == before.settings and stand.rig.client.request("LIST PROG998") in ((), ("",), ("RET",))
     snapshot = stand.rig.lathe.snapshot()
     assert abs(snapshot.tool.position) <= 2.0 and snapshot.at_rest and snapshot.loops_closed
-    assert from_table(renamed(as_table(found), {})) == found
+    assert from_table(rename_keys(as_table(found), {})) == found
 
 
 def test_a_heavier_tool_with_friction_is_seen_in_the_figures() -> None:
@@ -266,13 +266,16 @@ BUFFER_DATE = "2026-03-01T12:00:00+00:00"
 WORD = st.one_of(st.sampled_from((0, 1, 0x800000, 0xFFFFFF)), st.integers(0, 0xFFFFFF))
 
 
-def plain(family: str, **changes: object) -> Configuration:
+def plain(family: str, **changes: object) -> ControllerConfiguration:
     """A configuration of which only the user buffer matters."""
-    kind, read = DIALECTS[family].type_prefix, Configuration(family=family, kind="X", version="1.0", settings={})
+    kind, read = (
+        DIALECTS[family].type_prefix,
+        ControllerConfiguration(family=family, kind="X", version="1.0", settings={}),
+    )
     return replace(read, kind=kind, values={}, **changes)  # type: ignore[arg-type]
 
 
-def read(card: Commissioned, *, values: bool = True) -> Configuration:
+def read(card: Commissioned, *, values: bool = True) -> ControllerConfiguration:
     """The user buffer, and what takes no time; the values of P, Q and M are not asked for."""
     extent = replace(whole_card(card.dialect), settings=(), pointers=(), motors=(1,), plcs=(), programs=())
     found = read_configuration(card.client, card.dialect, extent)

@@ -265,7 +265,7 @@ def test_only_what_is_on_can_be_at_its_top(steps: list[tuple[str, int]]) -> None
             switches = switches.disable([number])
             fresh.pop(number, None)
         elif number in fresh:
-            switches = switches.scanned(number)
+            switches = switches.begin_scan(number)
             fresh[number] = False
         assert switches.enabled == set(fresh)
         assert switches.at_top == {n for n, top in fresh.items() if top}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.plcs.plc import Addressed
+from drivers.pmac.plcs.plc import DefaultAddress
 from drivers.pmac.trajectory.pieces import Piece, position_at
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.player import Player
@@ -150,7 +150,7 @@ def test_calls_reach_the_other_programs_of_the_card(card: IdealCard) -> None:
 def test_what_a_program_says_waits_for_the_ports(card: IdealCard) -> None:
     card.run('SEND"READY"', 'CMD"#2J+"', "ENABLE PLC 1,3", "DISABLE PLC 1")
     assert [text for text, _ in card.controller.host.host_messages] == ["READY"]
-    assert list(card.controller.host.pending_commands) == [("#2J+", "", Addressed(motor=1, system=1))]
+    assert list(card.controller.host.pending_commands) == [("#2J+", "", DefaultAddress(motor=1, system=1))]
     assert card.controller.plcs.switches.enabled == {3}
     card.controller.reset()
     assert not card.controller.host.host_messages

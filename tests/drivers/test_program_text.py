@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.pmac.analysis.findings import Code, ProgramFinding
+from drivers.pmac.analysis.findings import FindingCode, ProgramFinding
 from drivers.pmac.analysis.program import ProgramCheck, check_program
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.syntax import Label, Return
@@ -241,11 +241,11 @@ def checked(lines: str, machine: MachineProfile, before: str = CAM) -> ProgramCh
 
 def thrown(found: ProgramCheck) -> list[tuple[int, float]]:
     """The lines at which a motor is thrown, and by how many counts."""
-    findings = [f for f in found.findings if f.code in (Code.TABLE_THROWS, Code.TABLE_THROWS_OTHER)]
+    findings = [f for f in found.findings if f.code in (FindingCode.TABLE_THROWS, FindingCode.TABLE_THROWS_OTHER)]
     return sorted((f.lines[0], round(float(f.values["counts"]), 6)) for f in findings)
 
 
-def only(found: ProgramCheck, code: Code) -> ProgramFinding:
+def only(found: ProgramCheck, code: FindingCode) -> ProgramFinding:
     (finding,) = [finding for finding in found.findings if finding.code is code]
     return finding
 
@@ -262,7 +262,7 @@ def test_a_table_throws_only_while_it_is_switched(machine: MachineProfile) -> No
 def test_a_throw_is_told_in_counts_and_um_also_by_i51_before_the_program(machine: MachineProfile) -> None:
     """At rest at a quarter of a turn and Z1000: 800/16 = 50 counts of 0.2 um."""
     found = checked("Y2500 Z1000\nDWELL10\nI51=1\nDWELL10", machine)
-    finding = only(found, Code.TABLE_THROWS)
+    finding = only(found, FindingCode.TABLE_THROWS)
     assert (finding.severity, finding.lines) == (Severity.WARNING, (FIRST + 2,))
     assert finding.values == {"motor": 1, "counts": 50, "length": pytest.approx(10), "unit": "um"}
     # One source, of which nothing is known: 640/16 = 40 counts, in the line that comes last.
@@ -326,7 +326,7 @@ def test_contributions_add_and_the_same_line_is_told_once(machine: MachineProfil
     found = checked("Y5000 Z500\nDWELL10\nI51=1\nDWELL10", machine, two)
     assert thrown(found) == [(10, 20 + 5)]
     found = checked("Y5000\nDWELL10\nI51=1\nDWELL10", machine, "#5DEFINE COMP 2,#2,#5,10000\n320 0\n")
-    assert only(found, Code.TABLE_THROWS_OTHER).values["counts"] == 20
+    assert only(found, FindingCode.TABLE_THROWS_OTHER).values["counts"] == 20
     # -20, 50 (half of it at 1250) and 0 counts, each time from a register that was left at zero.
     program = "Z1000\nP1=0\nWHILE(P1<4)\nY1250\nDWELL10\nI51=1\nDWELL10\nY-1250\nDWELL10\nI51=0\nP1=P1+1\nENDWHILE"
     assert thrown(checked(program, machine)) == [(FIRST + 5, 25)]
@@ -334,13 +334,13 @@ def test_contributions_add_and_the_same_line_is_told_once(machine: MachineProfil
 
 def test_what_a_table_has_to_hold(machine: MachineProfile) -> None:
     found = checked("X100", machine, "#1 DEFINE COMP 4,#2,#1,10000\n0 160 0\n-40\n")
-    finding = only(found, Code.TABLE_LAST_ENTRY)
+    finding = only(found, FindingCode.TABLE_LAST_ENTRY)
     assert (finding.severity, finding.lines) == (Severity.WARNING, (3,))
     assert finding.values["counts"] == -2.5
     assert finding.values["length"] == pytest.approx(-0.5)
     assert checked("Y100", machine, "#1DEFINE COMP 1.1,#2,#3,#1,10000,3000\n0 0 160\n").findings == ()
     found = checked("X100\nI51=1\nX100", machine, "#1DEFINE COMP 4,#2,#1,10000\n640 640\n")
-    finding = only(found, Code.TABLE_UNFILLED)
+    finding = only(found, FindingCode.TABLE_UNFILLED)
     assert finding.lines == (1,)
     assert finding.values == {"motor": 1, "entries": 2, "wanted": 4}
     assert thrown(found) == []
@@ -352,12 +352,12 @@ def test_tables_are_defined_from_high_to_low_and_deleted_from_low_to_high(machin
     assert checked("Y100", machine, high + low).findings == ()
     found = checked("Y100", machine, low + high)
     (finding,) = found.findings
-    assert (finding.code, finding.severity, finding.lines) == (Code.TABLE_ORDER, Severity.REFUSAL, (3,))
+    assert (finding.code, finding.severity, finding.lines) == (FindingCode.TABLE_ORDER, Severity.REFUSAL, (3,))
     assert (finding.values["motor"], finding.values["lower"]) == (4, "1")
     deleted = f"{low}#1DELETE COMP\n{high}"
     assert checked("Y100", machine, deleted).findings == ()
     both = "#4DEFINE COMP 1,100\n0\n#1DEFINE COMP 1,100\n0\n"
-    assert only(checked("X100", machine, f"{both}#4DELETE COMP\n"), Code.TABLE_ORDER).lines == (5,)
+    assert only(checked("X100", machine, f"{both}#4DELETE COMP\n"), FindingCode.TABLE_ORDER).lines == (5,)
 
 
 @pytest.mark.parametrize(
@@ -365,13 +365,13 @@ def test_tables_are_defined_from_high_to_low_and_deleted_from_low_to_high(machin
 )
 def test_what_the_card_does_not_take_is_told(machine: MachineProfile, line: str) -> None:
     found = checked("X100", machine, f"#1DEFINE COMP 3,#2,#1,10000\n{line}\n0 0 0\n")
-    assert only(found, Code.LINE_REFUSED).lines == (2,)
-    assert Code.TABLE_UNFILLED not in {finding.code for finding in found.findings}
+    assert only(found, FindingCode.LINE_REFUSED).lines == (2,)
+    assert FindingCode.TABLE_UNFILLED not in {finding.code for finding in found.findings}
 
 
 def test_the_address_of_another_line_holds(machine: MachineProfile) -> None:
     found = checked("X100", machine, "#1J/#3J/\nDEFINE COMP 1,100\n8\n")
-    assert only(found, Code.TABLE_LAST_ENTRY).values["motor"] == 3
+    assert only(found, FindingCode.TABLE_LAST_ENTRY).values["motor"] == 3
 
 
 def test_a_text_keeps_its_tables_apart_from_its_other_lines() -> None:

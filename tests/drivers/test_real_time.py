@@ -38,7 +38,7 @@ from drivers.simulator.hosts.real_time import (
     SLICE_S,
     TICK_S,
     TIMEOUT_S,
-    Pace,
+    SimulationPace,
     WallClock,
     patient,
     run_clock,
@@ -89,7 +89,7 @@ class Heard:
 def run(late_s: list[float], speed: float = 1.0) -> tuple[Heard, list[float]]:
     heard, lags_s = Heard(), list[float]()
     with suppress(AllOverError):
-        asyncio.run(run_clock(heard.wait, (heard,), HandClock(late_s), Pace(speed), lags_s))
+        asyncio.run(run_clock(heard.wait, (heard,), HandClock(late_s), SimulationPace(speed), lags_s))
     return heard, lags_s
 
 
@@ -114,7 +114,7 @@ def test_time_that_is_lost_or_late_is_taken_down() -> None:
     assert lags_s == pytest.approx(late_s, abs=1e-9)
     # A tick that is some milliseconds late is none of it; one that is 0.5 s late is, at any speed.
     for speed in (1.0, 2.0):
-        pace = Pace(speed)
+        pace = SimulationPace(speed)
         with suppress(AllOverError):
             asyncio.run(run_clock(Heard().wait, (), HandClock([0.0, 0.004, 0.5, 0.002]), pace))
         assert pace.held_s == pytest.approx(0.5 * speed)
@@ -206,7 +206,7 @@ def test_a_lease_outlives_a_host_that_is_held_up(real_s: float) -> None:
 def test_a_lease_outlives_one_input_in_a_few_at_any_speed(speed: float) -> None:
     """Between two renewals there are one or two other inputs, each of them held up."""
     lathe, now_s, heard_s = Elapsed(), [0.0], [0.0]
-    wait = patient(lathe.wait, lambda: heard_s[0], lambda: now_s[0], Pace(speed))
+    wait = patient(lathe.wait, lambda: heard_s[0], lambda: now_s[0], SimulationPace(speed))
     for _ in range(2 if speed > 1.0 else 1):
         heard_s[0] = now_s[0]
         until_s = now_s[0] + 1.0
@@ -224,7 +224,7 @@ def test_who_is_gone_or_has_not_yet_spoken_is_not_waited_for() -> None:
 
 
 def test_the_time_that_a_lathe_waits_for_its_host_is_counted() -> None:
-    lathe, now_s, pace = Elapsed(), [0.0], Pace()
+    lathe, now_s, pace = Elapsed(), [0.0], SimulationPace()
     wait = patient(lathe.wait, lambda: 0.0, lambda: now_s[0], pace)
     while now_s[0] < 1.0:
         now_s[0] += PATIENCE_TICK_S

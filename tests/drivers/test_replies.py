@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from drivers.commissioning.reading import LISTING_TIMEOUT_S, ask_or_none
 from drivers.errors import ControllerError, DriverError, LinkError
-from drivers.link.ethernet import Asked, BoardReplies
+from drivers.link.ethernet import BoardReplies, RequestPurpose
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import PMAC
 from drivers.pmac.framing import FaultKind, FramingError, Reply, ReplyReader
@@ -189,7 +189,7 @@ def test_what_would_be_no_reply_if_nothing_more_came(stream: bytes, kind: FaultK
     reader = ReplyReader()
     reader.feed(stream)
     assert reader.take() is None
-    assert reader.presumed is kind
+    assert reader.presumed_fault is kind
 
 
 def test_messages_are_taken_while_nothing_is_asked_and_half_of_one_stays() -> None:
@@ -219,9 +219,9 @@ class Board:
         self.wire = b""
         self.heard = b""
 
-    def ask(self, what: Asked, answer: bytes = b"") -> None:
-        self.replies.asked(what)
-        if what is Asked.FLUSH:
+    def ask(self, what: RequestPurpose, answer: bytes = b"") -> None:
+        self.replies.record_request(what)
+        if what is RequestPurpose.FLUSH:
             self.queue, self.wire = b"", self.wire + b"@"
             return
         self.queue += answer
@@ -231,13 +231,13 @@ class Board:
 
     def stop(self) -> None:
         """The CR behind the control character is an empty line, which is acknowledged."""
-        self.ask(Asked.STOP, b"\x06")
+        self.ask(RequestPurpose.STOP, b"\x06")
 
     def deliver(self, count: int) -> None:
         data, self.wire = self.wire[:count], self.wire[count:]
         self.heard += self.replies.take(data)
         while not self.wire and self.replies.wants_more:
-            self.ask(Asked.MORE)
+            self.ask(RequestPurpose.MORE)
 
     def deliver_all(self) -> bytes:
         while self.wire:
@@ -270,7 +270,7 @@ answers = st.builds(
 def test_each_line_gets_its_answer_and_stops_are_never_in_it(said: list[bytes], data: st.DataObject) -> None:
     board = Board()
     for expected in said:
-        board.ask(Asked.LINE, expected)
+        board.ask(RequestPurpose.LINE, expected)
         while board.wire:
             for _ in range(data.draw(st.integers(0, 2))):
                 board.stop()
@@ -284,23 +284,23 @@ def test_each_line_gets_its_answer_and_stops_are_never_in_it(said: list[bytes], 
 def test_an_answer_that_fills_replies_to_the_last_byte_is_whole(length: int) -> None:
     text = b"1" * (length - 2) + b"\r\x06"
     board = Board()
-    board.ask(Asked.LINE, text)
+    board.ask(RequestPurpose.LINE, text)
     board.stop()
     assert board.deliver_all() == text
     assert board.replies.complete
-    board.ask(Asked.LINE, b"5\r\x06")
+    board.ask(RequestPurpose.LINE, b"5\r\x06")
     assert board.deliver_all() == b"5\r\x06"
 
 
 def test_replies_in_one_segment_are_told_apart_before_the_rest_has_come() -> None:
     board = Board()
     board.stop()
-    board.ask(Asked.LINE, b"25\r50\r\x06")
+    board.ask(RequestPurpose.LINE, b"25\r50\r\x06")
     board.stop()
     assert board.wire == b"\x0625\r50\r\x06\x06"
     assert board.deliver_all() == b"25\r50\r\x06"
     board = Board()
-    board.ask(Asked.LINE, b"25\r50\r\x06")
+    board.ask(RequestPurpose.LINE, b"25\r50\r\x06")
     board.deliver(4)
     assert board.heard == b"25\r5"
     assert not board.replies.complete
@@ -308,11 +308,11 @@ def test_replies_in_one_segment_are_told_apart_before_the_rest_has_come() -> Non
 
 def test_a_nul_is_told_and_nobody_asks_for_ever() -> None:
     board = Board()
-    board.ask(Asked.LINE)
+    board.ask(RequestPurpose.LINE)
     assert board.deliver_all() == b"\0"
     assert board.replies.complete
     board = Board()
-    board.ask(Asked.LINE, b"1" * 1400)
+    board.ask(RequestPurpose.LINE, b"1" * 1400)
     assert board.deliver_all() == b"1" * 1400 + b"\0"
     assert board.replies.complete
 
@@ -320,22 +320,22 @@ def test_a_nul_is_told_and_nobody_asks_for_ever() -> None:
 @pytest.mark.parametrize("said", [b"@", b"\x18"])
 def test_what_comes_before_the_end_of_a_flush_is_forgotten(said: bytes) -> None:
     replies = BoardReplies()
-    for what in (Asked.LINE, Asked.STOP, Asked.FLUSH):
-        replies.asked(what)
+    for what in (RequestPurpose.LINE, RequestPurpose.STOP, RequestPurpose.FLUSH):
+        replies.record_request(what)
     assert (replies.take(b"25\r\x06\x06"), replies.complete) == (b"", False)
     assert (replies.take(said), replies.complete) == (b"", True)
-    replies.asked(Asked.LINE)
+    replies.record_request(RequestPurpose.LINE)
     assert replies.take(b"50\r\x06") == b"50\r\x06"
 
 
 def test_a_flush_sent_twice_is_waited_for_twice_and_messages_are_told() -> None:
     replies = BoardReplies()
-    replies.asked(Asked.FLUSH)
-    replies.asked(Asked.FLUSH)
+    replies.record_request(RequestPurpose.FLUSH)
+    replies.record_request(RequestPurpose.FLUSH)
     assert (replies.take(b"@1\r\x06"), replies.complete) == (b"", False)
     assert (replies.take(b"@"), replies.complete) == (b"", True)
     board = Board()
-    board.ask(Asked.LINE, b"\x02PART DONE\r" + b"25\r\x06")
+    board.ask(RequestPurpose.LINE, b"\x02PART DONE\r" + b"25\r\x06")
     assert board.wire == b"\x02PART DONE\r"
     assert board.deliver_all() == b"\x02PART DONE\r25\r\x06"
     assert BoardReplies().take(b"?") == b"?"
@@ -344,7 +344,7 @@ def test_a_flush_sent_twice_is_waited_for_twice_and_messages_are_told() -> None:
 @pytest.mark.parametrize("said", [b"25\r\x06", b"\x07ERR003\r"])
 def test_an_answer_in_the_place_of_that_to_a_stop_is_never_swallowed_in_silence(said: bytes) -> None:
     replies = BoardReplies()
-    replies.asked(Asked.STOP)
+    replies.record_request(RequestPurpose.STOP)
     assert replies.take(said) == b"\0"
 
 

@@ -18,14 +18,14 @@ from drivers.errors import DriverError, RefusedError
 from drivers.identification.excitation import PROGRAM, PvtPath, axis_word
 from drivers.identification.health import HealthMoves, health_text
 from drivers.identification.identify import identify
+from drivers.lathe.console_role import NOBODY, ConsoleRole
 from drivers.lathe.ownership import HIGHEST, OWNER_ITEM, Ownership, exchange_line
-from drivers.lathe.standing import NOBODY, Standing
 from drivers.link.base import Link
 from drivers.link.memory import MemoryLink
 from drivers.link.passing import PassingLink
 from drivers.pmac.client import LINE_LIMIT, PmacClient
 from drivers.pmac.language.syntax import VariableKind
-from drivers.pmac.programs.setup import is_signed, signed
+from drivers.pmac.programs.setup import is_signed, sign_program
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
@@ -133,7 +133,7 @@ class Floor:
 
 
 def owners(consoles: list[Ownership]) -> list[int]:
-    return [each.number for each in consoles if each.standing is Standing.OWNER]
+    return [each.number for each in consoles if each.standing is ConsoleRole.OWNER]
 
 
 @pytest.fixture
@@ -202,7 +202,7 @@ def test_a_claim_whose_answer_is_lost_is_known_by_asking(floor: Floor, monkeypat
     monkeypatch.setattr(link, "receive", receive)
     console.claim()
     assert swallowed
-    assert (console.standing, floor.holder) == (Standing.OWNER, console.number)
+    assert (console.standing, floor.holder) == (ConsoleRole.OWNER, console.number)
 
 
 @given(
@@ -224,7 +224,7 @@ def test_whatever_somebody_has_saved_there_is_taken_over_as_it_is(floor: Floor, 
         console.claim()
     assert floor.clients[0].numbers(OWNER_ITEM) == (garbage,)
     console.take_control(at_rest=True)
-    assert (console.standing, floor.holder) == (Standing.OWNER, console.number)
+    assert (console.standing, floor.holder) == (ConsoleRole.OWNER, console.number)
 
 
 def test_a_claim_takes_no_longer_than_it_did(floor: Floor) -> None:
@@ -263,14 +263,14 @@ def body(text: str) -> list[str]:
 
 @given(code=CODE, cut=st.integers(0, 15))
 def test_a_program_is_known_in_whole_and_in_part(code: list[str], cut: int) -> None:
-    lines = body(signed("\n".join(["P9=1", "CLOSE", "OPEN PROG 998", "CLEAR", *code, "CLOSE"])))
+    lines = body(sign_program("\n".join(["P9=1", "CLOSE", "OPEN PROG 998", "CLEAR", *code, "CLOSE"])))
     assert lines[3:] == code
     assert is_signed([*lines, "RETURN"]) and is_signed([*lines[:cut], "RETURN"])
 
 
 @given(code=CODE, place=st.integers(0, 11), other=st.sampled_from(["P1=2", "X0", "P3=3"]))
 def test_a_changed_or_longer_program_is_not_ours(code: list[str], place: int, other: str) -> None:
-    lines = body(signed("\n".join(["CLOSE", "OPEN PROG 998", "CLEAR", *code, "CLOSE"])))
+    lines = body(sign_program("\n".join(["CLOSE", "OPEN PROG 998", "CLEAR", *code, "CLOSE"])))
     assert not is_signed([*lines, other])
     if place < len(code):
         assert not is_signed([*lines[: 3 + place], other, *lines[4 + place :]])

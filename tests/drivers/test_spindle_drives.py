@@ -12,7 +12,7 @@ from drivers.pmac.settings import settings_with
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.drives import Drives, build_drives
 from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
-from drivers.simulator.plant.spindle import Spindle
+from drivers.simulator.plant.spindle import SimulatedSpindle
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from profiles.machine import MachineProfile
 
@@ -23,7 +23,7 @@ RAD_PER_S = 1000 * math.pi / 30
 """1000 rpm."""
 
 
-def spindle_of(machine: MachineProfile, true: TrueParameters | None = None, **settings: float) -> Spindle:
+def spindle_of(machine: MachineProfile, true: TrueParameters | None = None, **settings: float) -> SimulatedSpindle:
     true = true or replace(ideal(machine), ideal_spindle=False)
     return build_drives(machine, true, settings_with({**machine.controller.variables, **settings})).spindle
 
@@ -170,7 +170,7 @@ def test_a_ripple_swings_the_true_speed(machine: MachineProfile, kind: str, ripp
     """The actual angle, fitted by waves of the mean one: the speed swings by 5 % where it is asked to."""
     if kind == "inverter":
         drive = inverter(slip_rpm=0.0)
-        spindle = Spindle(drive, TURN, CYCLE_S)
+        spindle = SimulatedSpindle(drive, TURN, CYCLE_S)
         drive.set_rpm(600.0)
         spindle.coast(round(2.0 / CYCLE_S))
         going = spindle.coast
@@ -212,7 +212,7 @@ def test_a_ripple_comes_and_goes_without_a_jump_and_leaves_nothing(machine: Mach
     assert track[-100:] == commands[-100:]
 
 
-def settled(spindle: Spindle, there: float, seconds: float) -> np.ndarray:
+def settled(spindle: SimulatedSpindle, there: float, seconds: float) -> np.ndarray:
     """The way of a spindle that is told to stay at a place."""
     return np.array(spindle.follow([there] * round(seconds / CYCLE_S)))
 

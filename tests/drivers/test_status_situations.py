@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from drivers.pmac.dialect import PMAC, TURBO, Dialect, Setting
+from drivers.pmac.dialect import PMAC, TURBO, Dialect, FamilySetting
 from drivers.pmac.status import BitTable, decode
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
@@ -174,7 +174,7 @@ def every_move_by_itself(card: Wire) -> None:
 
 
 def in_segments(card: Wire) -> None:
-    card.tell(f"I{card.card.dialect.index(Setting.SEGMENT_MS, 1)}=10")
+    card.tell(f"I{card.card.dialect.index(FamilySetting.SEGMENT_MS, 1)}=10")
     run(card, *THREE)
 
 
@@ -255,7 +255,7 @@ def test_vectors_to_the_centre_have_a_bit_for_inc(card: Wire) -> None:
 
 
 def test_an_arc_without_a_radius_has_a_bit_of_its_own_beside_the_run_time_error(card: Wire) -> None:
-    card.tell(f"I{card.card.dialect.index(Setting.SEGMENT_MS, 1)}=10")
+    card.tell(f"I{card.card.dialect.index(FamilySetting.SEGMENT_MS, 1)}=10")
     for arc in ("X10 Y10 R0", "X10 Y10 I0 J0"):
         run(card, "INC TA10 TS0 TM50 CIRCLE1", arc)
         assert system_bits(card) >= {"runtime_error", "circle_radius_error"}

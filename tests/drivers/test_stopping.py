@@ -15,7 +15,7 @@ from drivers.lathe.snapshot import AxisName
 from drivers.lathe.stop import StopPath, StoppedError
 from drivers.link.base import StopWay
 from drivers.pmac.client import PmacClient
-from drivers.pmac.dialect import Setting
+from drivers.pmac.dialect import FamilySetting
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from tests.drivers.conftest import Bench
@@ -133,7 +133,7 @@ def trip(bench: Bench) -> None:
 
 
 def test_a_following_error_beyond_ix11_kills_the_motor_and_says_so(closed: Bench) -> None:
-    closed.client.request(f"I{closed.sim.controller.dialect.index(Setting.FLAG_MODE, 1)}=0")
+    closed.client.request(f"I{closed.sim.controller.dialect.index(FamilySetting.FLAG_MODE, 1)}=0")
     trip(closed)
     flags = closed.lathe.snapshot().tool.flags
     assert {"fatal_following_error", "open_loop"} <= flags
@@ -153,7 +153,7 @@ def test_the_limit_is_in_sixteenths_of_a_count(closed: Bench) -> None:
 
 
 def test_ix25_may_spare_the_other_motors_but_never_closes_an_open_one(closed: Bench) -> None:
-    flags = closed.sim.controller.dialect.index(Setting.FLAG_MODE, 1)
+    flags = closed.sim.controller.dialect.index(FamilySetting.FLAG_MODE, 1)
     closed.client.request(f"I{flags}=$400000 #3K")
     trip(closed)
     enabled = [closed.sim.controller.motors[number].enabled for number in (1, 2, 3)]

@@ -19,7 +19,7 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.axis import IdealAxis
-from drivers.simulator.plant.driven_mass import FlexibleMode, linear_motor
+from drivers.simulator.plant.driven_mass import SimulatedMode, linear_motor
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.servo_gains import ServoGains, notch_of
 from profiles.axis.notch import Notch
@@ -222,7 +222,7 @@ def test_a_flexible_axis_responds_as_another_program_says(hz: float, fraction: f
     kd, ki = kp * 4905 / 128, kp * 811 / 2**23
     control = kp + ki / slope + kd * slope
     opened = plant * FORCE_N_PER_V / BITS_PER_V / MASS * 5e6 * control / z
-    axis = ServoAxis(PLANT, gains(), CYCLE_S, mode=FlexibleMode(300.0, 0.02, fraction, CYCLE_S))
+    axis = ServoAxis(PLANT, gains(), CYCLE_S, mode=SimulatedMode(300.0, 0.02, fraction, CYCLE_S))
     axis.close_loop()
     assert response(hz, 300.0, axis) == pytest.approx(opened / (1.0 + opened), abs=2e-3)
 
@@ -246,7 +246,7 @@ def test_the_filter_is_the_difference_equation_of_the_manual() -> None:
     puts = np.random.default_rng(1).normal(size=200)
     found = []
     for each in puts:
-        output = filtering.filtered(float(each))
+        output = filtering.filter_output(float(each))
         filtering.put_out(output)
         found.append(output)
     wanted = signal.lfilter([1.0, NOTCH["ix36"], NOTCH["ix37"]], [1.0, NOTCH["ix38"], NOTCH["ix39"]], puts)
@@ -265,18 +265,20 @@ def test_its_coefficients_are_those_of_the_manuals_formulas() -> None:
         d2=1 / below,
     )
     assert notch.at_rest == pytest.approx((zero**2 * below) / (pole**2 * above)), "its factor for Ix30, inverted"
-    deepest = [abs(complex(notch.at(np.exp([2j * np.pi * hz * period_s]))[0])) for hz in (30.0, 90.0, 300.0)]
+    deepest = [
+        abs(complex(notch.response_at(np.exp([2j * np.pi * hz * period_s]))[0])) for hz in (30.0, 90.0, 300.0)
+    ]
     assert deepest[1] < deepest[0] and deepest[1] < 0.5 * deepest[2]
 
 
 @pytest.mark.parametrize("hz", [40.0, 90.0])
 def test_the_loop_with_a_filter_has_the_response_of_the_model(hz: float) -> None:
     lathe = load_machine("lee-2001-lathe").machine
-    wanted = complex(loop_of(with_notch(lathe, NOTCH)).closed(hz))
+    wanted = complex(loop_of(with_notch(lathe, NOTCH)).closed_loop(hz))
     found = response(hz, 2000.0, axis=held(**NOTCH))
     assert abs(found) == pytest.approx(abs(wanted), rel=0.002)
     assert math.degrees(cmath.phase(found / wanted)) == pytest.approx(0.0, abs=0.15)
-    assert abs(wanted - complex(loop_of(lathe).closed(hz))) > 0.05, "the filter makes a difference here"
+    assert abs(wanted - complex(loop_of(lathe).closed_loop(hz))) > 0.05, "the filter makes a difference here"
 
 
 def test_without_a_filter_nothing_is_otherwise_and_a_filter_keeps_the_limit() -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.hostile_host import plan_of
-from drivers.commissioning.judged import stated_settings_of
+from drivers.commissioning.checked_configuration import stated_settings_of
 from drivers.cutting.strategy import Strategy
-from drivers.cutting.watch_table import CutWatch, WatchItem, WatchTable, begin_watch, watch_table
+from drivers.cutting.watch_table import CutWatch, CutWatchTable, WatchItem, begin_watch, watch_table
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.motion import CUT_POLL_S
 from drivers.lathe.polling import READING_S
@@ -20,7 +20,7 @@ from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.program_constants import assigned
+from drivers.pmac.program_constants import find_assigned_variables
 from drivers.pmac.program_load import LoadedProgram, load_program
 from drivers.pmac.program_text import read_program
 from drivers.simulator.machine import SimulatedLathe
@@ -44,7 +44,7 @@ class Loaded:
         self.program: LoadedProgram = load_program(
             self.client, plan_of(family, strategy).program, DIALECTS[family]
         )
-        self.table: WatchTable = watch_table(self.machine, self.program)
+        self.table: CutWatchTable = watch_table(self.machine, self.program)
         self.watch: CutWatch = begin_watch(self.client, self.table)
 
     @property
@@ -61,7 +61,7 @@ def loaded(family: str, strategy: Strategy) -> Loaded:
 @pytest.mark.parametrize(("family", "strategy"), EVERY)
 def test_the_table_has_what_is_compared_at_arming_and_set_by_programs(family: str, strategy: Strategy) -> None:
     of = loaded(family, strategy)
-    own = assigned(of.program.program)
+    own = find_assigned_variables(of.program.program)
     compared = {f"I{index}" for index in stated_settings_of(of.machine, of.program.dialect)}
     assert compared - {"I5"} <= of.names, "whether PLCs run is left to the heartbeat"
     assert not {name for name in of.names & own if not name.startswith("I")}
@@ -117,7 +117,9 @@ def test_the_whole_table_comes_round() -> None:
 
 
 def test_a_difference_from_the_beginning_is_told_and_a_setting_that_deviated_then_is_not() -> None:
-    table = WatchTable(first=(WatchItem("I130..131", ("I130", "I131")),), later=(WatchItem("#1-> &1", ("#1->",)),))
+    table = CutWatchTable(
+        first=(WatchItem("I130..131", ("I130", "I131")),), later=(WatchItem("#1-> &1", ("#1->",)),)
+    )
     watch = CutWatch(table, {table.first[0]: ("400", "4905"), table.later[0]: ("X",)})
     assert watch.see(table.items, ("400", "4905.000000001", "X")) is None
     problem = watch.see(table.items, ("400", "4906", "X"))
@@ -162,7 +164,7 @@ def test_the_last_turn_begins_anew_after_a_feed_hold() -> None:
 def test_a_line_of_queries_has_200_characters_at_most(lengths: tuple[int, ...], values: int, fit: int) -> None:
     """A controller takes 255 characters; polls and renewals of the watchdog have to come in between."""
     items = tuple(WatchItem("I" * length, (f"{place}",) * values) for place, length in enumerate(lengths))
-    watch = CutWatch(WatchTable(first=(), later=items), dict.fromkeys(items, ()))
+    watch = CutWatch(CutWatchTable(first=(), later=items), dict.fromkeys(items, ()))
     watch.see_feed(over=True)
     assert watch.next_items(1e9) == items[:fit]
 
@@ -189,7 +191,11 @@ def test_the_last_turn_begins_where_the_tool_is_commanded_out_of_the_part() -> N
     watch.see_feed = record  # type: ignore[method-assign]
     lathe.program.start(3, 0.0)
     lathe.program.follow(polls.append, 60.0, clear_counts=250.0)
-    running = [(poll.tool.commanded, over) for poll, over in zip(polls, told, strict=True) if poll.program_running]
+    running = [
+        (poll.tool.commanded_position, over)
+        for poll, over in zip(polls, told, strict=True)
+        if poll.program_running
+    ]
     assert {over for _, over in running} == {True, False}
     assert all(over is (commanded < 250.0) for commanded, over in running)
 

@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from drivers.pmac.dialect import TURBO
-from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.controller import SimulatedController
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
 
@@ -206,7 +206,7 @@ PROGRAM_TEXT = ("CLEAR", "HOME1", "X5", "RAPID", "ABS", "RETURN", 'CMD"#1J+"', '
 """What only a buffer takes."""
 
 
-def state(pmac_card: Controller) -> tuple[object, ...]:
+def state(pmac_card: SimulatedController) -> tuple[object, ...]:
     """All that a command could change."""
     variables = pmac_card.variables
     return (

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.syntax import VariableKind
-from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
@@ -27,7 +27,7 @@ class Wire:
     port: Port
 
     @property
-    def card(self) -> Controller:
+    def card(self) -> SimulatedController:
         return self.sim.controller
 
     def raw(self, data: str | bytes) -> bytes:

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 
 from drivers.errors import DriverError
 from drivers.link.base import StopWay
-from drivers.link.ethernet import Asked, BoardReplies
+from drivers.link.ethernet import BoardReplies, RequestPurpose
 from drivers.pmac.client import PmacClient
 from drivers.pmac.ethernet import Direction, MalformedRequestError, Request, RequestCode, take_request
 from drivers.pmac.framing import FramingError, Reply, ReplyReader
@@ -118,10 +118,10 @@ def board_request(data: bytes) -> None:
 
 
 def board_replies(data: bytes) -> None:
-    replies, asked = BoardReplies(), list(Asked)
+    replies, asked = BoardReplies(), list(RequestPurpose)
     for place, byte in enumerate(data[:64]):
         if byte & 0x80:
-            replies.asked(asked[byte % len(asked)])
+            replies.record_request(asked[byte % len(asked)])
         replies.take(data[place : place + byte % 32])
         _ = replies.complete, replies.wants_more
 

@@ -20,12 +20,12 @@ from typing import Any
 
 from console.cli.feed.watch import _show, _show_end
 from console.session.feed.feed_state import FeedState
-from console.session.feed.following import Heard, Stream
-from console.session.feed.observed import Observed
+from console.session.feed.following import ReceivedState, Stream
+from console.session.feed.observed_state import ObservedState
 from console.session.feed.report import line_of, report
 from console.session.station.state import Activity
 from console.site.cli.metrics import response
-from console.site.exchange.mtconnect import Published, is_news, messages, published, shdr_lines
+from console.site.exchange.mtconnect import PublishedState, is_news, messages, publish_state, shdr_lines
 from console.text.catalogue import load
 from profiles.store import load_machine
 from tests.fuzz.target import FoundError, Target, Try
@@ -73,7 +73,9 @@ def sound_states() -> list[FeedState]:
     moments = [cutting, held, scenes.machine(Activity.READY), scenes.machine(Activity.LOST)]
     return [
         report(
-            Observed(state=state, machine=machine, now_s=state.at_s, job="ring", run_id="ab12", numbers=numbers),
+            ObservedState(
+                state=state, machine=machine, now_s=state.at_s, job="ring", run_id="ab12", numbers=numbers
+            ),
             process=7,
             operator="kim",
             at_utc="2026-01-01T00:00:00.000Z",
@@ -109,7 +111,7 @@ class Outputs:
     """Everything that is made of a feed, in one process."""
 
     def __init__(self) -> None:
-        self.before: tuple[Published, FeedState] | None = None
+        self.before: tuple[PublishedState, FeedState] | None = None
 
     def take(self, data: bytes) -> None:
         """Read lines as they are, and forged, and render each state. Raises ConnectionError: there is none."""
@@ -141,14 +143,14 @@ class Outputs:
         before = self.before and self.before[1]
         for as_json, text in ((False, LANGUAGES[0]), (False, LANGUAGES[1]), (True, LANGUAGES[0])):
             watch(before, state, Namespace(json=as_json), text)
-        now = published(state, "")
+        now = publish_state(state, "")
         told = shdr_lines(now, self.before and self.before[0])
         require(all("\n" not in each and each.isprintable() for each in told), told)
         is_news(state, before)
         for key, payload in messages(now, state).items():
             require(key not in UTF_8_JSON or isinstance(strict(payload), dict), payload)
         self.before = now, state
-        aged = Heard(state=state, came_s=0.0).aged(3.0)
+        aged = ReceivedState(state=state, came_s=0.0).age_state(3.0)
         scrape(response(REQUEST, (), [aged, state], LANGUAGES[1]))
 
 

@@ -15,13 +15,13 @@ from typing import Any
 import drivers.simulator.plant.presets as presets
 from console.flight.recording import read_recording
 from console.school.training import lesson
-from console.session.data import calibrations, identified, learned_store
+from console.session.data import calibrations, identified_responses, learned_store
 from console.session.data.run_reader import RunFilters, runs, story
 from console.session.errors import SessionError
 from drivers.commissioning.backup import END_OF_HEADER, backup_text, read_backup
 from drivers.commissioning.configuration import digest
 from drivers.simulator.plant.presets import plant_named
-from profiles.compensations.learned import as_table as learned_table
+from profiles.compensations.learned_compensation import as_table as learned_table
 from profiles.files import parse_toml
 from profiles.job import job_from_table
 from profiles.machine import machine_from_table
@@ -127,7 +127,7 @@ def _read_signed_backup(data: bytes) -> None:
 
 
 def _flights() -> list[bytes]:
-    from console.flight.frozen import frozen_in
+    from console.flight.frozen_recordings import frozen_in
     from tests.console.flight.bench import FlightBench
 
     with TemporaryDirectory() as folder:
@@ -211,7 +211,7 @@ OF_FILES = (
         opened=pure(parse_trace),
     ),
     _file("learned", "learned versions", "version-000001.json", _version, _learned),
-    _file("identified", "identified responses", "pvt.json", identified.load, _identified),
+    _file("identified", "identified responses", "pvt.json", identified_responses.load, _identified),
     _file(
         "calibrations",
         "kept calibrations",

@@ -14,7 +14,7 @@ from textual.message import Message
 
 from console.school.instructing.dispatcher import Dispatcher
 from console.school.instructing.mailbox import Mailbox, Picture
-from console.school.instructing.order import Answer, read_answer, read_order
+from console.school.instructing.order import OrderReply, read_answer, read_order
 from console.school.instructing.server import InstructorServer
 from console.session.errors import SessionError
 from console.session.feed.request import asked_hz
@@ -101,7 +101,7 @@ def _instructor() -> tuple[Callable[[], socket.socket], Callable[[], None]]:
 
 
 def _obeyed(intent: object) -> bool:
-    intent.answered(Answer())  # type: ignore[attr-defined]
+    intent.answered(OrderReply())  # type: ignore[attr-defined]
     return True
 
 

@@ -10,12 +10,12 @@ from pathlib import Path
 from signal import SIGINT
 from typing import cast
 
-from console.session.cut.engine import CutContext, Step
+from console.session.cut.engine import CutContext, PartStep
 from console.session.cut.run import cut_part
 from console.session.errors import Interrupted
 from console.session.signals import Interruption
-from console.session.station.owning import Owning
-from console.session.station.reaching import guard, leave
+from console.session.station.machine_connection import guard, leave
+from console.session.station.machine_control import MachineControl
 from drivers.cutting.planning import CutPlan, Strategy
 from drivers.errors import DriverError
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -117,9 +117,9 @@ class Made:
         self.measured = False
         self.plan: CutPlan = planned_once(short_job(), compact_machine().machine, way.strategy)
         self.row = NO_FAULT
-        self._which, self._way, self._step = which, way, Step.LOAD
+        self._which, self._way, self._step = which, way, PartStep.LOAD
         lathe, wire = self.watched.lathe, self.watched.wire
-        self.owning = Owning(lathe, wire.address, records)
+        self.owning = MachineControl(lathe, wire.address, records)
         self.watched.looks += [self._look, lambda seen: self.wrong.extend(misread(self.watched, seen))]
         wire.before = self._line
         self._interruption = Interruption()
@@ -166,7 +166,7 @@ class Made:
     def set_spindle(self, rpm: float | None) -> None:
         self.watched.sim.set_spindle(rpm)
 
-    def _told(self, step: Step, _: str) -> None:
+    def _told(self, step: PartStep, _: str) -> None:
         self._step = step
         if _BEGINNING.get(step) is self._way.moment:
             self._happen()
@@ -182,26 +182,28 @@ class Made:
             self._happen()
 
 
-def _cutting(step: Step, seen: Snapshot, plan: CutPlan) -> bool:
-    return step is Step.CUT and seen.program_running and _behind_mm(seen, plan) > BEGUN_MM
+def _cutting(step: PartStep, seen: Snapshot, plan: CutPlan) -> bool:
+    return step is PartStep.CUT and seen.program_running and _behind_mm(seen, plan) > BEGUN_MM
 
 
-def _retracting(step: Step, seen: Snapshot, plan: CutPlan) -> bool:
-    out = seen.tool.commanded < plan.setup.surface - CLEAR_COUNTS
-    return step is Step.CUT and seen.program_running and out and _behind_mm(seen, plan) > MADE_MM
+def _retracting(step: PartStep, seen: Snapshot, plan: CutPlan) -> bool:
+    out = seen.tool.commanded_position < plan.setup.surface - CLEAR_COUNTS
+    return step is PartStep.CUT and seen.program_running and out and _behind_mm(seen, plan) > MADE_MM
 
 
 def _behind_mm(seen: Snapshot, plan: CutPlan) -> float:
-    return (seen.carriage.commanded - plan.carriage_start) / compact_machine().machine.carriage.counts_per_mm
+    return (
+        seen.carriage.commanded_position - plan.carriage_start
+    ) / compact_machine().machine.carriage.counts_per_mm
 
 
-_BEGINNING = {Step.ARM: Moment.CHECKING, Step.CUT: Moment.STARTING, Step.RETRACT: Moment.ENDED}
+_BEGINNING = {PartStep.ARM: Moment.CHECKING, PartStep.CUT: Moment.STARTING, PartStep.RETRACT: Moment.ENDED}
 """The moments with which a step begins: its first line is yet to come."""
 
-_CONDITIONS: dict[Moment, Callable[[Step, Snapshot, CutPlan], bool]] = {
+_CONDITIONS: dict[Moment, Callable[[PartStep, Snapshot, CutPlan], bool]] = {
     Moment.HOMING: lambda step, seen, _: "home_search" in seen.tool.flags,
     Moment.POSITIONING: lambda step, seen, _: (
-        step is Step.ALIGN and seen.homed and "desired_velocity_zero" not in seen.carriage.flags
+        step is PartStep.ALIGN and seen.homed and "desired_velocity_zero" not in seen.carriage.flags
     ),
     Moment.CUTTING: _cutting,
     Moment.RETRACTING: _retracting,

@@ -17,7 +17,7 @@ from console.session.data.record_schema import create
 from console.session.data.run_log import RunLog
 from console.session.station.commands import Arm, Command, DisableDrives, EnableDrives, Home, Jog, Start
 from console.session.station.context import StationContext
-from console.session.station.owning import Owning
+from console.session.station.machine_control import MachineControl
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
 from console.session.station.station import Station
@@ -238,7 +238,7 @@ def build_rig(records: Path) -> Rig:
     looks: list[Callable[[Snapshot], None]] = []
     context = StationContext(
         lathe=watched.lathe,
-        owning=Owning(watched.lathe, watched.wire.address, records),
+        owning=MachineControl(watched.lathe, watched.wire.address, records),
         loaded_machine=compact_machine(),
         clock=watched.sim,
         shop=None,
@@ -250,7 +250,7 @@ def build_rig(records: Path) -> Rig:
     def seen(snapshot: Snapshot) -> None:
         for look in tuple(looks):
             look(snapshot)
-        station.seen(snapshot)
+        station.take_poll(snapshot)
 
     watched.looks.append(seen)
     there = {name: getattr(watched, name) for name in ("sim", "wire", "lathe", "stop")}

@@ -167,7 +167,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "fault-matrix.md"
 def quick(monkeypatch: MonkeyPatch) -> None:
     """Plan once for all cells, and keep records nowhere."""
     monkeypatch.setattr(run, "plan_cut", planned_once)
-    monkeypatch.setattr(records, "opened", record_in_memory)
+    monkeypatch.setattr(records, "open_records", record_in_memory)
     monkeypatch.setattr(records, "RunLog", LogNowhere)
 
 

@@ -14,7 +14,7 @@ from profiles.calibration.table import CalibrationKind, column_name, parse_table
 from profiles.calibration.wrench import WrenchFit, fit_wrench
 from profiles.chucking.diagnosis import Mechanism
 from profiles.job import Job
-from profiles.lobe.lobe_conditions import unstated
+from profiles.lobe.lobe_conditions import find_missing_conditions
 from profiles.problem import ProfileError
 from profiles.store import load_job
 from profiles.strict_values import record
@@ -146,7 +146,7 @@ def test_the_job_gets_the_lobe_with_its_conditions_and_what_was_assumed_stays_so
     assert (job.lobe_error_um_pp, job.lobe_phase_deg) == pytest.approx((55.0, 92.0), abs=0.02)
     assert (job.lobe_error_source, job.lobe_chuck, job.lobe_tool) == ("fitted", "3-jaw 160", None)
     assert job.jaw_1_deg == pytest.approx(90.0)
-    assert unstated(job) == ("lobe_tool",)  # the machine has no name for its tool
+    assert find_missing_conditions(job) == ("lobe_tool",)  # the machine has no name for its tool
     again = with_lobe(job, found(92.0, INDEX, job), chuck="3-jaw 160", tool="")
     assert again.jaw_1_deg == pytest.approx(90.0)  # calibrated twice, jaw 1 has not moved
     by_index = with_lobe(ASSUMED, found(92.0, INDEX, ASSUMED), chuck="", tool="")

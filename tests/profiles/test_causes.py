@@ -14,7 +14,14 @@ from hypothesis import strategies as st
 
 from profiles.arrays import Floats, floats
 from profiles.compensations.causes import Cause, CauseKind, causes
-from profiles.compensations.force_null import ExpectedForce, ForceNull, ForceRecord, Sign, Why, force_null
+from profiles.compensations.force_null import (
+    ExpectedForce,
+    ForceNull,
+    ForceNullReason,
+    ForceRecord,
+    Sign,
+    force_null,
+)
 from profiles.compensations.next_version import AppliedPath
 from profiles.compensations.part_harmonics import part_harmonics
 from profiles.compensations.path import CutPath, target_path
@@ -247,7 +254,7 @@ def turned(by_deg: float) -> complex:
 
 def test_what_lies_in_the_chip_of_a_right_and_a_wrong_compensation() -> None:
     said = found()
-    assert (said.sign, said.alarms, said.why) == (Sign.AGREES, False, Why.NONE)
+    assert (said.sign, said.alarms, said.why) == (Sign.AGREES, False, ForceNullReason.NONE)
     assert abs(said.force_n) == pytest.approx(K * 0.5 * abs(WHOLE_UM), rel=0.05)
     assert abs(said.ratio - 1.0) < 0.03
     assert abs(said.turned_deg) < 1.0
@@ -290,23 +297,23 @@ def test_the_standard_deviation_is_at_least_that_of_many_cuts() -> None:
 def test_without_a_chip_or_samples_there_is_no_verdict() -> None:
     for seed in range(20):
         said = found(lobe_um=0j, noise_um=0.3, seed=seed)
-        assert (said.sign, said.why) == (Sign.UNKNOWN, Why.ROUND)
+        assert (said.sign, said.why) == (Sign.UNKNOWN, ForceNullReason.ROUND)
     nothing = ForceRecord(angle_deg=np.empty(0), infeed_um=np.empty(0), thrust_n=np.empty(0), face_deg=0.0)
-    assert force_null(nothing, EXPECTED).why is Why.NOT_GATHERED
-    assert force_null(cut(), replace(EXPECTED, whole_um=0j)).why is Why.NOT_GATHERED
+    assert force_null(nothing, EXPECTED).why is ForceNullReason.NOT_GATHERED
+    assert force_null(cut(), replace(EXPECTED, whole_um=0j)).why is ForceNullReason.NOT_GATHERED
 
 
 @pytest.mark.parametrize(
     ("cutting", "why"),
     [
-        ({"stiffness": 0.0}, Why.NO_FORCE),
-        ({"stiffness": 0.0, "noise_um": 0.3}, Why.NO_FORCE),
-        ({"air_turns": 1.5}, Why.NO_REFERENCE),
-        ({"noise_um": 2.5}, Why.NOISE),
-        ({"lobe_um": 3.0 * WHOLE_UM}, Why.TOO_LARGE),
+        ({"stiffness": 0.0}, ForceNullReason.NO_FORCE),
+        ({"stiffness": 0.0, "noise_um": 0.3}, ForceNullReason.NO_FORCE),
+        ({"air_turns": 1.5}, ForceNullReason.NO_REFERENCE),
+        ({"noise_um": 2.5}, ForceNullReason.NOISE),
+        ({"lobe_um": 3.0 * WHOLE_UM}, ForceNullReason.TOO_LARGE),
     ],
 )
-def test_what_cannot_be_told_says_why(cutting: dict[str, object], why: Why) -> None:
+def test_what_cannot_be_told_says_why(cutting: dict[str, object], why: ForceNullReason) -> None:
     said = found(**cutting)
     assert (said.sign, said.why, said.alarms) == (Sign.UNKNOWN, why, False)
 

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from profiles.axis.friction import held_back_um
-from profiles.compensations.learning import coefficient_of, trimmed
-from profiles.compensations.order_steps import Repeating
+from profiles.compensations.learning import coefficient_of, next_trim_um
+from profiles.compensations.order_steps import RepeatHistory
 from profiles.compensations.path import (
     CutPath,
     LobedPath,
@@ -21,7 +21,7 @@ from profiles.compensations.path import (
     chord_error,
     chord_scale,
     compensated_depth_um,
-    delayed,
+    delay_response,
     free_state_lobe,
     invert,
     lobe_frequency_hz,
@@ -145,7 +145,7 @@ def test_chords_through_raised_points_keep_the_amplitude_and_their_error(points:
 
 def test_a_delay_turns_the_response_and_leaves_its_gain() -> None:
     """One servo cycle of 442.7 us at 50 Hz: 0.1391 rad, 2.66 deg of the spindle with three lobes."""
-    late = delayed(complex(0.5, -0.5), 50.0, 442.7e-6)
+    late = delay_response(complex(0.5, -0.5), 50.0, 442.7e-6)
     assert abs(late) == pytest.approx(abs(complex(0.5, -0.5)))
     assert cmath.phase(late) == pytest.approx(-math.pi / 4 - 0.1391, abs=1e-4)
     assert math.degrees(0.1391) / 3 == pytest.approx(2.66, abs=0.01)
@@ -172,14 +172,14 @@ def test_a_turned_path_has_at_the_turned_angle_what_it_had_before(
         overtones=tuple(others),
         growth_per_mm=growth,
     )
-    turned = path.turned(by_deg)
+    turned = path.turn_by(by_deg)
     before_um = path.at_um(TURN_DEG, past_middle_mm)
     np.testing.assert_allclose(turned.at_um(TURN_DEG + by_deg, past_middle_mm), before_um, atol=1e-7)
     command = path.plus({3: 1.0 + 1.0j})
-    both = CutPath(target=path, command=command).turned(by_deg)
+    both = CutPath(target=path, command=command).turn_by(by_deg)
     assert both.target == turned
     np.testing.assert_allclose(
-        both.command.at_um(TURN_DEG), path.plus({3: 1.0 + 1.0j}).turned(by_deg).at_um(TURN_DEG)
+        both.command.at_um(TURN_DEG), path.plus({3: 1.0 + 1.0j}).turn_by(by_deg).at_um(TURN_DEG)
     )
 
 
@@ -282,8 +282,8 @@ def left_um(true: complex, batches: int, *, adapts: bool, jump_at: int = -1) -> 
         if batch == jump_at:
             disturbance += 3.0
         error = disturbance - true * trim + complex(*rng.normal(0.0, 0.05, 2))
-        response = response.seen(trim, error)
-        trim = trimmed(trim, error, response.value if adapts else NOMINAL, 0.7, 100.0)
+        response = response.add_batch(trim, error)
+        trim = next_trim_um(trim, error, response.value if adapts else NOMINAL, 0.7, 100.0)
         found.append(abs(error))
     return found
 
@@ -296,7 +296,7 @@ def test_the_response_is_trimmed_within_bounds() -> None:
     rng = np.random.default_rng(5)
     response = TrimResponse(nominal=NOMINAL)
     for _ in range(200):
-        response = response.seen(complex(*rng.normal(0.0, 5.0, 2)), complex(*rng.normal(0.0, 5.0, 2)))
+        response = response.add_batch(complex(*rng.normal(0.0, 5.0, 2)), complex(*rng.normal(0.0, 5.0, 2)))
         factor = response.value / NOMINAL
         assert 0.3 - 1e-9 <= abs(factor) <= 1.5 + 1e-9
         assert abs(cmath.phase(factor)) <= 1.048
@@ -313,10 +313,10 @@ def test_a_tool_that_follows_is_trimmed_as_before_also_where_it_comes_into_the_p
 BEGUN = CutPath(target=WANTED.plus({2: 1.0 + 0j}), command=WANTED.plus({2: 1.5 + 0j, 5: 0.3j}))
 
 
-def seen(order: int, *parts_um: complex) -> Repeating:
-    found = Repeating(begun=BEGUN)
+def seen(order: int, *parts_um: complex) -> RepeatHistory:
+    found = RepeatHistory(begun=BEGUN)
     for each in parts_um:
-        found = found.seen({order: each})
+        found = found.add_part({order: each})
     return found
 
 
@@ -334,7 +334,7 @@ def test_what_is_withdrawn_is_as_the_first_part_had_it_and_the_rest_as_learned()
     learned = CutPath(
         target=WANTED.plus({2: 4.0 + 0j, 7: 1j}), command=WANTED.plus({2: 6.0 + 0j, 5: 2.0 + 0j, 7: 2j})
     )
-    found = Repeating(begun=BEGUN)
+    found = RepeatHistory(begun=BEGUN)
     assert found.target_moved_um(learned, 2) == pytest.approx(3.0)
     assert found.command_moved_um(learned, 5) == pytest.approx(2.0 - 0.3j)
     back = found.withdrawn(learned, (2, 5))

@@ -11,9 +11,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from profiles.axis.envelope import envelope, speed_limits_rpm
-from profiles.axis.response import Source, identified_response, model_response
+from profiles.axis.response import ResponseSource, identified_response, model_response
 from profiles.axis.servo import sampled_response
-from profiles.chucking.advice import Stands, clamping_advice, force_span
+from profiles.chucking.advice import ForcePosition, clamping_advice, force_span
 from profiles.chucking.grip import (
     centrifugal_loss_n,
     cut_grip_n,
@@ -144,7 +144,11 @@ def test_inside_the_span_no_rule_minds_the_force_and_outside_one_does(
     assert bool(minded.keys() & OF_THE_FORCE) is not inside
     if not span.empty:
         assert span.stands(force_n) is (
-            Stands.INSIDE if inside else Stands.BELOW if force_n < span.least_n else Stands.ABOVE
+            ForcePosition.INSIDE
+            if inside
+            else ForcePosition.BELOW
+            if force_n < span.least_n
+            else ForcePosition.ABOVE
         )
 
 
@@ -154,7 +158,7 @@ def test_a_soft_ring_and_heavy_jaws_leave_no_force_that_will_do() -> None:
     job = replace(JOB, chucking_force_n=3000.0, lobe_force_n=2500.0)
     advice = clamping_advice(job, replace(LATHE, chuck=chuck))
     assert advice.span.least_n > advice.span.most_n
-    assert advice.span.stands(3000.0) is Stands.NONE
+    assert advice.span.stands(3000.0) is ForcePosition.NONE
     (found,) = [f for f in check(job, replace(LATHE, chuck=chuck)) if f.problem.code == "rule.clamp_span"]
     assert found.severity is Severity.WARNING
     assert advice.at_speed_n == pytest.approx(3000 - 1579.1, abs=0.1)
@@ -366,7 +370,7 @@ def test_the_speed_ends_where_the_chuck_or_the_response_does() -> None:
     assert abs(complex(sampled_response(MACHINE, frequency_hz))) == pytest.approx(1 / 8)
     columns = {"frequency_hz": [10, 50], "gain": [1, 0.9], "phase_deg": [-10, -50], "gain_ci": [0, 0]}
     response = identified_response(**columns, phase_ci_deg=[0, 0], amplitude_um=25.0, name="there")  # type: ignore[arg-type]
-    assert response.source is Source.IDENTIFIED
+    assert response.source is ResponseSource.IDENTIFIED
     assert speed_limits_rpm(JOB, MACHINE, response, AXIS)["response"] == pytest.approx(1000.0)
     loose = replace(JOB, chucking_force_n=100.0)
     assert speed_limits_rpm(loose, MACHINE, MODEL, AXIS)["grip"] == 0.0

@@ -15,8 +15,8 @@ from scipy.signal import lfilter
 from profiles.axis.identification import FrequencyResponse, fit_sine, frequency_response, reference_swing
 from profiles.axis.response import (
     AMPLIFICATION_LIMIT,
+    ResponseSource,
     ServoResponse,
-    Source,
     identified_response,
     model_response,
     monotone_cubic,
@@ -261,7 +261,7 @@ def refusal(response: ServoResponse, frequency_hz: float) -> str:
 )
 def test_an_inverse_that_is_off_leaves_its_part(gain_error: float, phase_error_deg: float, left_um: float) -> None:
     """|1 - T / T_hat| of 55 um; the disc that just holds such a T promises no less."""
-    hat = identified(50.0).at(50.0)
+    hat = identified(50.0).response_at(50.0)
     true = hat * cmath.rect(1.0 + gain_error, math.radians(phase_error_deg))
     assert 55.0 * abs(1.0 - true / hat) == pytest.approx(left_um, abs=0.02)
     disc = identified(50.0, gain_ci=abs(true - hat)).relative_95(50.0)
@@ -275,7 +275,7 @@ def test_whatever_lies_in_the_confidence_leaves_its_disc(share: float, angle_deg
     seen_deg = math.degrees(math.asin(radius / abs(hat)))
     response = identified(50.0, gain_ci=radius, phase_ci_deg=seen_deg)
     true = hat + cmath.rect(share * radius, math.radians(angle_deg))
-    assert abs(1.0 - true / response.at(50.0)) <= response.relative_95(50.0) + 1e-12
+    assert abs(1.0 - true / response.response_at(50.0)) <= response.relative_95(50.0) + 1e-12
 
 
 @pytest.mark.parametrize(
@@ -289,16 +289,16 @@ def test_whatever_lies_in_the_confidence_leaves_its_disc(share: float, angle_deg
 def test_between_points_the_loop_is_within_the_disc(frequencies_hz: tuple[float, ...]) -> None:
     response = identified(*reversed(frequencies_hz))
     for frequency_hz in np.linspace(frequencies_hz[0], frequencies_hz[-1], 101):
-        off = abs(nominal(frequency_hz) / response.at(frequency_hz) - 1.0)
+        off = abs(nominal(frequency_hz) / response.response_at(frequency_hz) - 1.0)
         assert off <= response.relative_95(frequency_hz) + 1e-12
         assert response.relative_95(frequency_hz) < 0.02
 
 
 def test_between_and_outside_its_points_a_response_is_as_certain_as_they_allow() -> None:
     response = identified(*TABLE_5_HZ, gain_ci=0.01)
-    assert response.at(50.0) == pytest.approx(nominal(50.0), rel=1e-12)
+    assert response.response_at(50.0) == pytest.approx(nominal(50.0), rel=1e-12)
     assert response.relative_95(50.0) == pytest.approx(0.01 / 0.88554, rel=1e-4)
-    assert response.source is Source.IDENTIFIED
+    assert response.source is ResponseSource.IDENTIFIED
     response = identified(*TABLE_5_HZ)
     assert [refusal(response, hz) for hz in (9.99, 70.01)] == ["response.outside_band"] * 2
     # 3 x 1400 / 60 is not 70 to the last bit on every way to it
@@ -364,7 +364,7 @@ def test_the_model_is_as_sure_as_a_tenth_of_mass_and_gain() -> None:
     """Mass 10 % up and loop gain 10 % down leave 9.08 um of 55 at 50 Hz, simulated with a period of 442 us."""
     response = model_response(MACHINE, nominal)
     assert 55.0 * response.relative_95(50.0) == pytest.approx(9.08, rel=0.01)
-    assert response.at(333.0) == nominal(333.0)
+    assert response.response_at(333.0) == nominal(333.0)
 
 
 # The shape-preserving cubic: the same as scipy's, whatever the points.

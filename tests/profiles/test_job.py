@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from console.text.catalogue import load
 from profiles.calibration.table import read_table
-from profiles.fields import spelled
+from profiles.fields import spell_toml
 from profiles.files import parse_toml
 from profiles.fingerprint.readings import read_readings
 from profiles.job import JOB_FIELDS, Job, job_from_table
@@ -238,11 +238,11 @@ def test_any_values_are_a_job_or_a_refusal(table: dict[str, Any]) -> None:
     ("value", "text"), [(True, "true"), (1.5, "1.5"), (math.inf, "inf"), ('a"b', r'"a\"b"'), ([1, 2], "[1, 2]")]
 )
 def test_values_are_shown_as_toml_spells_them(value: object, text: str) -> None:
-    assert spelled(value) == text
+    assert spell_toml(value) == text
 
 
 def test_a_huge_integer_is_shown() -> None:
-    assert len(spelled(16**5000)) <= 60
+    assert len(spell_toml(16**5000)) <= 60
 
 
 # Note and tags of a job: kept in its file, of which nothing else changes, and no part of its hash.

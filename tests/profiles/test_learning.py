@@ -13,17 +13,17 @@ from hypothesis import strategies as st
 
 from benchmarks import learning_floor
 from benchmarks.learning_floor import floor_um
-from profiles.compensations.certificate import Follows, Standing, promised_orders
+from profiles.compensations.certificate import OrderStatus, ToolResponse, promised_orders
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
     Deviation,
-    Watch,
+    HarmonicWatch,
     coefficient_of,
     convergence,
     fit_harmonics,
     learned_command,
     learned_part,
-    trimmed,
+    next_trim_um,
 )
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.optimal_gain import Scatter, optimal_gain, repeats
@@ -119,12 +119,12 @@ def test_what_the_tool_missed_is_not_wanted_deeper_and_a_large_part_is() -> None
 def test_a_trim_takes_a_steady_disturbance_away_and_has_its_limit() -> None:
     disturbance, trim = 3.0 - 2.0j, 0j
     for _ in range(8):
-        trim = trimmed(trim, disturbance - LAG * trim, LAG, 0.7, 8.0)
+        trim = next_trim_um(trim, disturbance - LAG * trim, LAG, 0.7, 8.0)
     assert LAG * trim == pytest.approx(disturbance, abs=1e-3)
     with pytest.raises(ProfileError, match=r"learning\.trim_limit"):
-        trimmed(trim, 5.0 + 0j, LAG, 1.0, 8.0)
+        next_trim_um(trim, 5.0 + 0j, LAG, 1.0, 8.0)
     with pytest.raises(ProfileError, match=r"learning\.trim_limit"):
-        trimmed(trim, complex(math.nan), LAG, 1.0, 8.0)
+        next_trim_um(trim, complex(math.nan), LAG, 1.0, 8.0)
 
 
 # The floor of the learning benchmark: against arithmetic for each thing that it has in it, one at a time.
@@ -220,14 +220,14 @@ def noise(random: np.random.Generator) -> complex:
 @given(RESPONSES, WRONG, st.integers(2, 8), st.integers(0, 99))
 def test_a_tool_in_air_is_never_left_worse(true: complex, wrong: complex, passes: int, seed: int) -> None:
     """Three times the lobe, where friction makes `wrong`, and T'/T is anything: sign, phase and size."""
-    random, watch, path = np.random.default_rng(seed), Watch(), CutPath(target=WANTED, command=WANTED)
+    random, watch, path = np.random.default_rng(seed), HarmonicWatch(), CutPath(target=WANTED, command=WANTED)
     for _ in range(passes):
         off = {9: wrong - made(path, true, 9) + noise(random)}
-        watch = watch.judged(path, off, lambda _: 0.04)
-        path = learned_command(watch.kept(path), watch.learned(off), nominal)
+        watch = watch.judge_pass(path, off, lambda _: 0.04)
+        path = learned_command(watch.keep_best(path), watch.select_learned(off), nominal)
     assert abs(wrong - made(path, true, 9)) <= 1.5 * abs(wrong)
     if abs(1 - true) > 1.5:
-        assert watch.frozen == {9}
+        assert watch.frozen_orders == {9}
         assert coefficient_of(path.command, 9) == 0j, "it is as if nobody had learned it"
     if abs(1 - true) < 0.9:
         assert watch.grown == ()
@@ -236,50 +236,55 @@ def test_a_tool_in_air_is_never_left_worse(true: complex, wrong: complex, passes
 @given(RESPONSES, WRONG, WRONG, st.integers(0, 99))
 def test_parts_end_no_worse_than_the_first(true: complex, held: complex, misjudged: complex, seed: int) -> None:
     """`held` is what keeps the tool from its path, `misjudged` what the path itself is wrong by."""
-    random, watch, path, left = np.random.default_rng(seed), Watch(), CutPath(target=WANTED, command=WANTED), []
+    random, watch, path, left = (
+        np.random.default_rng(seed),
+        HarmonicWatch(),
+        CutPath(target=WANTED, command=WANTED),
+        [],
+    )
     for number in range(6):
         tool = {9: coefficient_of(path.target, 9) + held - made(path, true, 9)}
         part = {9: misjudged - coefficient_of(path.target, 9) + tool[9] + noise(random)}
         left.append(abs(part[9]))
-        watch = watch.judged(path, part, lambda _: 0.01)
-        high, missed = (Deviation(coefficients_um=watch.learned(each)) for each in (part, tool))
+        watch = watch.judge_pass(path, part, lambda _: 0.01)
+        high, missed = (Deviation(coefficients_um=watch.select_learned(each)) for each in (part, tool))
         gain = LATER_GAIN if number else FIRST_GAIN
-        path = learned_part(watch.kept(path), high, missed, nominal, gain)
+        path = learned_part(watch.keep_best(path), high, missed, nominal, gain)
     assert left[-1] <= max(1.5 * left[0], left[0] + 1.0)
-    if watch.frozen:
+    if watch.frozen_orders:
         assert left[-1] <= min(left) + 6.0 * REPEATS_SD_UM
 
 
 def test_what_one_path_leaves_otherwise_from_pass_to_pass_stops_nothing() -> None:
     path, sure = CutPath(target=WANTED, command=WANTED), 0
     for seed in range(50):
-        random, watch = np.random.default_rng(seed), Watch()
+        random, watch = np.random.default_rng(seed), HarmonicWatch()
         for _ in range(8):
-            watch = watch.judged(path, {n: noise(random) for n in (3, 6, 9)}, lambda _: 0.005)
+            watch = watch.judge_pass(path, {n: noise(random) for n in (3, 6, 9)}, lambda _: 0.005)
         sure += len(watch.grown)
     assert sure == 0
 
 
 def test_one_wave_that_grows_leaves_the_others_to_be_learned_and_stays_as_it_was() -> None:
-    path, watch, true = CutPath(target=WANTED, command=WANTED), Watch(), {3: 0.7 + 0j, 9: 2.6 + 0.8j}
+    path, watch, true = CutPath(target=WANTED, command=WANTED), HarmonicWatch(), {3: 0.7 + 0j, 9: 2.6 + 0.8j}
     for _ in range(4):
         off = {3: WANTED.harmonics[0].coefficient - made(path, true[3], 3), 9: 1j - made(path, true[9], 9)}
-        watch = watch.judged(path, off, lambda _: 0.04)
-        path = learned_command(watch.kept(path), watch.learned(off), nominal)
+        watch = watch.judge_pass(path, off, lambda _: 0.04)
+        path = learned_command(watch.keep_best(path), watch.select_learned(off), nominal)
     assert abs(WANTED.harmonics[0].coefficient - made(path, true[3], 3)) < 0.5
     (grown,) = watch.grown
     assert (grown.order, grown.best_um) == (9, 1.0)
     assert grown.grown_um == pytest.approx(abs(1 - true[9]))
     # Other passes begin, and it is still not learned.
-    assert watch.afresh().learned({3: 1j, 9: 1j}) == {3: 1j}
-    assert coefficient_of(watch.afresh().kept(path).command, 9) == 0j
+    assert watch.afresh().select_learned({3: 1j, 9: 1j}) == {3: 1j}
+    assert coefficient_of(watch.afresh().keep_best(path).command, 9) == 0j
 
 
 def test_what_friction_may_do_meanwhile_is_no_growth() -> None:
     path = CutPath(target=WANTED, command=WANTED)
-    begun = Watch().judged(path, {6: 0.1j}, lambda _: 0.05)
-    assert begun.judged(path, {6: 0.7j}, lambda _: 0.05).frozen == {6}
-    assert begun.judged(path, {6: 0.7j}, lambda _: 0.05, lambda _: 2.4).frozen == frozenset()
+    begun = HarmonicWatch().judge_pass(path, {6: 0.1j}, lambda _: 0.05)
+    assert begun.judge_pass(path, {6: 0.7j}, lambda _: 0.05).frozen_orders == {6}
+    assert begun.judge_pass(path, {6: 0.7j}, lambda _: 0.05, lambda _: 2.4).frozen_orders == frozenset()
 
 
 # What an order teaches: the gain against the best filter, what repeats against what does not, and the promise.
@@ -340,8 +345,8 @@ def test_what_repeats_is_judged_by_fishers_f(parts: int) -> None:
     assert not repeats([4.0 + 0j])
 
 
-def orders_nominal(spread: float) -> Follows:
-    return Follows(response=0.5 + 0j, spread=spread)
+def orders_nominal(spread: float) -> ToolResponse:
+    return ToolResponse(response=0.5 + 0j, spread=spread)
 
 
 def rules(**changes: object) -> OrderRules:
@@ -364,18 +369,18 @@ def oval(shown: list[complex], path: complex = 0j) -> OrderSeen:
 def test_an_oval_is_learned_where_it_repeats_and_noise_is_not() -> None:
     once, again = 4.0 + 1j, 4.1 + 1.1j
     (first,) = order_steps([oval([once])], rules()).certificate
-    assert (first.standing, first.left_um) == (Standing.ONE_PART, abs(once))
+    assert (first.standing, first.left_um) == (OrderStatus.ONE_PART, abs(once))
     both = order_steps([oval([once, again])], rules())
-    assert both.learned == (2,)
+    assert both.learned_orders == (2,)
     assert both.changes_um[2] == pytest.approx(again, rel=0.1)
     ovals = [3.0 * cmath.exp(1j * angle) for angle in (0.3, 2.9, 5.0)]
     found = order_steps([oval(ovals)], rules())
-    assert (found.certificate[0].standing, found.changes_um) == (Standing.VARIES, {})
+    assert (found.certificate[0].standing, found.changes_um) == (OrderStatus.VARIES, {})
     assert order_steps([oval(ovals, path=2.5 + 0j)], rules()).changes_um == {2: -2.5}
     quiet = OrderSeen(order=6, error_um=0.04j, sd_um=0.02, path_um=0j)
     loud = OrderSeen(order=9, error_um=3j, sd_um=0.02, path_um=1j)
     found = order_steps([quiet, loud], rules(frozen=frozenset({9})))
-    assert [each.standing for each in found.certificate] == [Standing.NOISE, Standing.GREW]
+    assert [each.standing for each in found.certificate] == [OrderStatus.NOISE, OrderStatus.GREW]
     assert found.changes_um == {}
 
 
@@ -395,8 +400,8 @@ def test_no_tool_within_its_disc_and_no_cut_leaves_more_than_the_bound() -> None
 
 
 def test_the_orders_end_before_the_first_that_has_no_promise() -> None:
-    def follows(order: int) -> Follows:
-        return Follows(response=complex(1.0 / order), spread=0.08 * order)
+    def follows(order: int) -> ToolResponse:
+        return ToolResponse(response=complex(1.0 / order), spread=0.08 * order)
 
     assert promised_orders(follows, 0.05) == tuple(range(2, 12))
     assert promised_orders(follows, 0.15) == tuple(range(2, 7)), "what the tool hardly follows is not commanded"

@@ -12,17 +12,24 @@ import pytest
 from scipy.optimize import minimize
 
 from profiles.findings import Severity
-from profiles.fingerprint.lobe_filter import GAIN_SD, TURN_SD_DEG, ClampingScale, LobeFilter, Seen, lobe_filter
+from profiles.fingerprint.lobe_filter import (
+    GAIN_SD,
+    TURN_SD_DEG,
+    ClampingScale,
+    LobeFilter,
+    MeasuredCoefficient,
+    lobe_filter,
+)
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import (
     FORCE_TOLERANCE,
     OTHER_CUT,
     changed_conditions,
+    find_missing_conditions,
     force_as_found,
     kept_condition,
     lobe_differences,
     lobe_source,
-    unstated,
 )
 from profiles.lobe.lobe_origin import with_lobe_of, with_modelled_lobe, without_lobe
 from profiles.lobe.prediction import predict
@@ -107,7 +114,7 @@ CONDITIONS = (
 def test_the_jobs_of_the_paper_say_all_of_the_cut_that_was_measured(name: str) -> None:
     """Table 6: the cut without compensation was that of the job; chucking force, chuck and tool are not given."""
     job = load_job(name).job
-    assert unstated(job) == ()
+    assert find_missing_conditions(job) == ()
     assert {key for key in CONDITIONS if key in job.assumed} == {"lobe_force_n", "lobe_chuck", "lobe_tool"}
     assert lobe_differences(job, chuck=LATHE.chuck.name, tool=LATHE.tool.name) == ()
 
@@ -235,7 +242,7 @@ def known(phase: float = 0.7, force_sd: float = FORCE_SD) -> LobeFilter:
 def test_without_a_fingerprint_the_height_is_learned_as_the_scatter_allows_and_the_angle_at_once() -> None:
     """By Kalman's gain for one number, P / (P + R): R is of force and gauge in height, of the gauge across."""
     sd_um, part = 0.2, LOBE_UM + 0.5 + 0.8j
-    after = known(0.0).measured(Seen(value=part + 0j, sd_um=sd_um))
+    after = known(0.0).update_by_part(MeasuredCoefficient(value=part + 0j, sd_um=sd_um))
     prior = (HEIGHT_SD * LOBE_UM) ** 2 + BESIDE_UM**2
     height = prior / (prior + (AT_SPEED * FORCE_SD * LOBE_UM) ** 2 + sd_um**2)
     across = (JAWS * math.radians(TURN_DEG) * LOBE_UM) ** 2 + BESIDE_UM**2
@@ -246,8 +253,8 @@ def test_without_a_fingerprint_the_height_is_learned_as_the_scatter_allows_and_t
 def test_the_state_is_the_most_likely_one() -> None:
     """A general minimiser of the same probabilities, written down here, finds the same state."""
     phase, felt, part = 0.7, cmath.rect(33.0, 0.78), cmath.rect(29.5, 0.85)
-    first = known(phase).felt(Seen(value=felt, sd_um=0.4))
-    both = first.measured(Seen(value=part, sd_um=0.15))
+    first = known(phase).update_by_fingerprint(MeasuredCoefficient(value=felt, sd_um=0.4))
+    both = first.update_by_part(MeasuredCoefficient(value=part, sd_um=0.15))
 
     def cost(x: np.ndarray, *, measured: bool) -> float:
         lobe, gain, s = complex(x[0], x[1]), cmath.exp(complex(x[2], x[3])), x[4]
@@ -290,12 +297,14 @@ def rows(fingerprint: bool, force_sd: float, stated_sd: float, seed: int) -> np.
         for number in range(4):
             s = force_sd * rng.normal()
             part = lobe * (1 + AT_SPEED * s)
-            state = state.clamped(0.1)
+            state = state.predict_clamping(0.1)
             if fingerprint:
                 shown = AT_REST * lobe * gain * (1 + s) + complex(*rng.normal(0.0, 0.4, 2))
-                state = state.felt(Seen(value=shown, sd_um=0.4))
+                state = state.update_by_fingerprint(MeasuredCoefficient(value=shown, sd_um=0.4))
             row[number] = 2.0 * abs(part - state.this_um)
-            state = state.measured(Seen(value=part + complex(*rng.normal(0.0, 0.1, 2)), sd_um=0.15))
+            state = state.update_by_part(
+                MeasuredCoefficient(value=part + complex(*rng.normal(0.0, 0.1, 2)), sd_um=0.15)
+            )
     return left
 
 
@@ -317,9 +326,9 @@ def test_on_a_chuck_that_hardly_scatters_a_fingerprint_does_no_harm() -> None:
 def test_a_set_up_that_was_changed_is_learned_anew() -> None:
     state = known(0.0)
     for _ in range(6):
-        state = state.clamped(0.1).measured(Seen(value=LOBE_UM + 0j, sd_um=0.15))
+        state = state.predict_clamping(0.1).update_by_part(MeasuredCoefficient(value=LOBE_UM + 0j, sd_um=0.15))
     turned = cmath.rect(LOBE_UM, 1.0)
-    state = state.clamped(0.1).measured(Seen(value=turned, sd_um=0.15))
+    state = state.predict_clamping(0.1).update_by_part(MeasuredCoefficient(value=turned, sd_um=0.15))
     assert abs(state.lobe_um - turned) < 3.0
 
 
@@ -327,9 +336,11 @@ def test_the_uncertainty_is_that_of_many_rows() -> None:
     felt = rows(True, 0.05, 0.05, 3)[:, 2] / 2.0
     state = known()
     for _ in range(3):
-        state = state.clamped(0.1).felt(Seen(value=AT_REST * cmath.rect(LOBE_UM, 0.7), sd_um=0.4))
+        state = state.predict_clamping(0.1).update_by_fingerprint(
+            MeasuredCoefficient(value=AT_REST * cmath.rect(LOBE_UM, 0.7), sd_um=0.4)
+        )
         said_um = state.sd_um
-        state = state.measured(Seen(value=cmath.rect(LOBE_UM, 0.7), sd_um=0.15))
+        state = state.update_by_part(MeasuredCoefficient(value=cmath.rect(LOBE_UM, 0.7), sd_um=0.15))
     assert said_um == pytest.approx(math.sqrt(float(np.mean(felt**2))), rel=0.25)
 
 
@@ -353,11 +364,11 @@ def left_with(process_gain: float, lost_sd: float, seed: int) -> np.ndarray:
         )
         path = LOBE_UM + 0j
         for number in range(5):
-            state = state.clamped(0.1)
+            state = state.predict_clamping(0.1)
             part = lobe * (1.0 + AT_SPEED * 0.03 * rng.normal()) - process_gain * path
             row[number] = 2.0 * abs(lobe - process_gain * path)
             seen = part + complex(*rng.normal(0.0, 0.1, 2))
-            state = state.measured(Seen(value=seen + path, sd_um=0.15), path)
+            state = state.update_by_part(MeasuredCoefficient(value=seen + path, sd_um=0.15), path)
             path = state.path_um
     return left
 

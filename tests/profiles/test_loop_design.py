@@ -13,7 +13,7 @@ import pytest
 from profiles.axis.envelope import envelope, envelope_row, first_beyond
 from profiles.axis.loop_design import GainProposal, designed_gains, softer, unseen_hz
 from profiles.axis.margins import loop_margins
-from profiles.axis.notch import OTHER_READINGS, RESOLUTION, Notch, Reading, damped_pair, placed_notch
+from profiles.axis.notch import OTHER_READINGS, RESOLUTION, Notch, SignConvention, damped_pair, placed_notch
 from profiles.axis.notch_design import LEAST_STIFFER, design_with_notch, fails_otherwise, lobe_yield
 from profiles.axis.plant_fit import LoopPoint, PlantFit, fitted_plant
 from profiles.axis.sampled_loop import AxisPlant, FlexibleMode, SampledLoop, loop_of, profile_plant
@@ -182,7 +182,7 @@ def test_responses_without_a_mode_refuse_faster_gains_and_softer_ones_have_less(
 # Gains with a notch filter: as stiff as said, safe under every reading, and none where it is not worth it.
 
 NOTCH = Notch(n1=-0.9375, n2=0.8125, d1=-0.125, d2=0.1875)
-NOTCHED = replace(LOOP, gains=replace(LOOP.gains.scaled(1.0 / NOTCH.at_rest), notch=NOTCH))
+NOTCHED = replace(LOOP, gains=replace(LOOP.gains.scale_gains(1.0 / NOTCH.at_rest), notch=NOTCH))
 
 
 def notch_by_control(loop: SampledLoop) -> control.TransferFunction:
@@ -232,7 +232,7 @@ def test_the_opened_loop_with_a_filter_is_that_of_python_control() -> None:
     hz = np.array([5.0, 50.0, 120.0, 290.0, 310.0, 700.0])
     loop = replace(NOTCHED, plant=replace(NOMINAL, modes=(BENDS,)))
     wanted = notch_by_control(loop)(np.exp(2j * np.pi * hz * loop.period_s))
-    assert np.abs(loop.opened(hz) / wanted - 1.0).max() < 1e-6
+    assert np.abs(loop.open_loop(hz) / wanted - 1.0).max() < 1e-6
     assert np.abs(loop.poles()).max() == pytest.approx(
         float(np.abs(control.poles(control.feedback(notch_by_control(loop), 1.0))).max()), abs=1e-4
     )
@@ -244,10 +244,10 @@ def test_a_delay_of_the_axis_is_in_what_a_step_is_compared_with(delay_s: float) 
     loop = replace(NOTCHED, plant=replace(NOMINAL, delay_s=delay_s))
     z = np.exp(2j * np.pi * hz * loop.period_s)
     above, below = loop.closed_polynomials(delayed=True)
-    assert np.abs(np.polyval(above, z) / np.polyval(below, z) / loop.closed(hz) - 1.0).max() < 0.01
+    assert np.abs(np.polyval(above, z) / np.polyval(below, z) / loop.closed_loop(hz) - 1.0).max() < 0.01
     above, below = loop.force_polynomials()
     s = 2j * np.pi * hz
-    pushed = NOMINAL.acceleration_per_v / (s * (s + NOMINAL.damping_per_s)) / (1.0 + loop.opened(hz))
+    pushed = NOMINAL.acceleration_per_v / (s * (s + NOMINAL.damping_per_s)) / (1.0 + loop.open_loop(hz))
     held = pushed * np.exp(-0.5 * s * loop.period_s)  # a force that is held is half a period late
     assert np.abs(np.polyval(above, z) / np.polyval(below, z) / held - 1.0).max() < 0.02
 
@@ -258,7 +258,7 @@ def test_a_profile_has_its_filter_in_what_a_cut_inverts_and_at_rest() -> None:
     machine = replace(MACHINE, controller=controller)
     assert gains_from_variables(machine).notch == NOTCH
     plain = replace(LOOP, gains=gains_from_variables(machine))
-    assert complex(sampled_response(machine, 50.0)) == pytest.approx(complex(plain.closed(50.0)), rel=1e-9)
+    assert complex(sampled_response(machine, 50.0)) == pytest.approx(complex(plain.closed_loop(50.0)), rel=1e-9)
     assert abs(complex(sampled_response(machine, 50.0)) - complex(sampled_response(MACHINE, 50.0))) > 0.01
     n1, n2, d1, d2 = NOTCH.coefficients
     tool = replace(MACHINE.tool, notch_n1=n1, notch_n2=n2, notch_d1=d1, notch_d2=d2)
@@ -293,7 +293,7 @@ def test_a_first_filter_is_stiffer_and_stable_under_every_reading_by_python_cont
     assert after.most_um_per_n < 0.8 * before.most_um_per_n
     assert lobe_yield(tuned(first), 50.0) <= LEAST_STIFFER * lobe_yield(tuned(alone), 50.0)
     for plant in (fit().plant, *fit().others):
-        for reading in Reading:
+        for reading in SignConvention:
             gains = replace(first.gains, notch=first.gains.notch.read_as(reading))
             loop = replace(LOOP, plant=replace(plant, delay_s=0.0), gains=gains)
             assert stable_by_control(loop), (reading, plant)
@@ -309,7 +309,7 @@ def test_where_the_reading_is_known_the_tool_is_five_times_as_stiff_and_other_re
     assert stable_by_control(tuned(proven)) and proven.after.sensitivity_peak <= 1.8
     reading = fails_otherwise(tuned(proven), proven.gains, (fit().plant,))
     assert reading is not None
-    wrong = replace(proven.gains, notch=proven.gains.notch.read_as(Reading.NUMERATOR))
+    wrong = replace(proven.gains, notch=proven.gains.notch.read_as(SignConvention.NUMERATOR))
     assert not stable_by_control(replace(tuned(proven), gains=wrong)), "so it is not what is tried first"
 
 

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from profiles.axis.notch import Notch, Reading, is_coefficient
-from profiles.fields import LEAST_MAGNITUDE, Field, Kind, fault
+from profiles.axis.notch import Notch, SignConvention, is_coefficient
+from profiles.fields import LEAST_MAGNITUDE, Field, FieldType, fault
 from profiles.job import JOB_FIELDS, job_from_table
 from profiles.lobe.prediction import predict
 from profiles.machine import MachineProfile, machine_from_table, real_machine_problems
@@ -265,8 +265,10 @@ JOB = load_job("lee-2001-experiment-1").job
 JOB_TABLE = tomllib.loads((BUNDLED_JOBS / "lee-2001-experiment-1.toml").read_text(encoding="utf-8"))
 MACHINE_TABLE = tomllib.loads((BUNDLED_MACHINES / "lee-2001-lathe.toml").read_text(encoding="utf-8"))
 
-OF_JOB = [field for field in JOB_FIELDS if field.kind is Kind.NUMBER]
-OF_MACHINE = [(name, field) for name, fields in SECTIONS.items() for field in fields if field.kind is Kind.NUMBER]
+OF_JOB = [field for field in JOB_FIELDS if field.kind is FieldType.NUMBER]
+OF_MACHINE = [
+    (name, field) for name, fields in SECTIONS.items() for field in fields if field.kind is FieldType.NUMBER
+]
 
 SUBNORMAL = 1e-320
 
@@ -364,13 +366,13 @@ def test_a_profile_may_state_what_a_controller_takes_as_it_is(value: float, take
 @pytest.mark.parametrize(
     ("reading", "signs"),
     [
-        (Reading.STATED, (1, 1, 1, 1)),
-        (Reading.NUMERATOR, (-1, -1, 1, 1)),
-        (Reading.DENOMINATOR, (1, 1, -1, -1)),
-        (Reading.BOTH, (-1, -1, -1, -1)),
+        (SignConvention.STATED, (1, 1, 1, 1)),
+        (SignConvention.NUMERATOR, (-1, -1, 1, 1)),
+        (SignConvention.DENOMINATOR, (1, 1, -1, -1)),
+        (SignConvention.BOTH, (-1, -1, -1, -1)),
     ],
 )
-def test_another_reading_turns_signs_of_zeros_or_poles(reading: Reading, signs: tuple[int, ...]) -> None:
+def test_another_reading_turns_signs_of_zeros_or_poles(reading: SignConvention, signs: tuple[int, ...]) -> None:
     notch = Notch(n1=-0.5, n2=0.25, d1=-0.125, d2=0.0625)
     turned = tuple(sign * each for sign, each in zip(signs, notch.coefficients, strict=True))
     assert notch.read_as(reading).coefficients == turned

@@ -18,7 +18,7 @@ from profiles.axis.margins import is_stable, loop_margins
 from profiles.axis.sampled_loop import AxisPlant, FlexibleMode, SampledLoop, loop_of, profile_plant
 from profiles.axis.servo import drive_need, eq9_response, eq9_summary, following_error_um, sampled_response
 from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables, variables_from_gains
-from profiles.axis.step_figures import error_figures, modelled, step_figures
+from profiles.axis.step_figures import error_figures, model_step, step_figures
 from profiles.axis.stiffness import compliance_um_per_n, lobe_stiffness
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
@@ -82,7 +82,7 @@ def test_the_opened_loop_and_its_stability_are_those_of_another_program(name: st
     other = opened_by_control(loop)
     hz = np.array([0.5, 5.0, 50.0, 400.0, 1000.0])
     expected = np.array([other(np.exp(2j * np.pi * f * loop.period_s)) for f in hz])
-    assert loop.opened(hz) == pytest.approx(expected, rel=1e-6)
+    assert loop.open_loop(hz) == pytest.approx(expected, rel=1e-6)
     poles = control.feedback(other, 1).poles()
     assert is_stable(loop) is bool((np.abs(poles) < 1.0 - 1e-9).all()) is (name not in UNSTABLE)
 
@@ -113,12 +113,12 @@ def test_the_margins_are_those_of_another_program(name: str) -> None:
 def test_a_loop_becomes_unstable_just_when_a_margin_is_used_up(name: str) -> None:
     loop, found = LOOPS[name], loop_margins(LOOPS[name])
     assert found.gain_margin is not None and found.delay_margin_ms is not None
-    assert is_stable(loop.scaled(0.999 * found.gain_margin)) and not is_stable(
-        loop.scaled(1.001 * found.gain_margin)
+    assert is_stable(loop.scale_gain(0.999 * found.gain_margin)) and not is_stable(
+        loop.scale_gain(1.001 * found.gain_margin)
     )
     if found.gain_reduction is not None:
-        assert not is_stable(loop.scaled(0.999 * found.gain_reduction))
-        assert is_stable(loop.scaled(1.001 * found.gain_reduction))
+        assert not is_stable(loop.scale_gain(0.999 * found.gain_reduction))
+        assert is_stable(loop.scale_gain(1.001 * found.gain_reduction))
     for factor, stable in ((0.999, True), (1.001, False)):
         plant = replace(loop.plant, delay_s=factor * found.delay_margin_ms / 1000.0)
         assert is_stable(replace(loop, plant=plant)) is stable
@@ -134,7 +134,7 @@ def test_what_a_cut_inverts_is_the_closed_loop_with_its_delay_margin() -> None:
     assert swings(loop, whole) < 1.0 < swings(loop, whole + 1)
     hz = np.array([1.0, 10.0, 50.0, 70.0, 300.0])
     feedforward = with_variables(MACHINE, I135=20_000)
-    assert loop_of(feedforward).closed(hz) == pytest.approx(sampled_response(feedforward, hz), rel=1e-9)
+    assert loop_of(feedforward).closed_loop(hz) == pytest.approx(sampled_response(feedforward, hz), rel=1e-9)
 
 
 def swings(loop: SampledLoop, delay: int) -> float:
@@ -169,14 +169,14 @@ def test_a_sine_in_time_and_the_peaks_of_a_fine_grid_are_those_in_frequency() ->
         loop = replace(LOOPS[name], gains=replace(LOOPS[name].gains, acceleration_feedforward_v_s2_per_m=0.004))
         time_s = np.arange(40_000) * loop.period_s
         angle = 2 * np.pi * 30.0 * time_s
-        late = modelled(loop, 25.0 * np.sin(angle))[20_000:]
+        late = model_step(loop, 25.0 * np.sin(angle))[20_000:]
         columns = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=1)[20_000:]
         found = np.linalg.lstsq(columns, late, rcond=None)[0]
-        expected = 25.0 * loop.closed(np.array([30.0]))[0]
+        expected = 25.0 * loop.closed_loop(np.array([30.0]))[0]
         assert found[:2] == pytest.approx([expected.real, expected.imag], rel=1e-4, abs=1e-4), name
     loop, found = LOOPS["four times the gain"], loop_margins(LOOPS["four times the gain"])
     hz = np.linspace(0.5, loop.nyquist_hz, 200_001)
-    sensitivity, closed = 1.0 / np.abs(1.0 + loop.opened(hz)), np.abs(loop.closed(hz))
+    sensitivity, closed = 1.0 / np.abs(1.0 + loop.open_loop(hz)), np.abs(loop.closed_loop(hz))
     assert found.sensitivity_peak == pytest.approx(sensitivity.max(), rel=1e-6)
     assert found.sensitivity_peak_hz == pytest.approx(hz[sensitivity.argmax()], abs=0.5)
     assert found.peak == pytest.approx(closed.max(), rel=1e-6)

@@ -14,12 +14,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from profiles.calibration.lobe import find_lobe
-from profiles.compensations.certificate import Follows
-from profiles.compensations.learned import HoldsFor, as_table, differences, from_table
+from profiles.compensations.certificate import ToolResponse
+from profiles.compensations.learned_compensation import HoldsFor, as_table, differences, from_table
 from profiles.compensations.learning import coefficient_of
-from profiles.compensations.next_version import AppliedPath, LearningStep, Verdict, next_version, uncompensated
+from profiles.compensations.next_version import (
+    AppliedPath,
+    ImprovementVerdict,
+    LearningStep,
+    compare_uncompensated,
+    next_version,
+)
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
-from profiles.compensations.path import CutPath, expected, fraction_of, invert, target_path
+from profiles.compensations.path import CutPath, expect_residual, fraction_of, invert, target_path
 from profiles.job import Job
 from profiles.problem import ProfileError
 from profiles.store import load_job
@@ -84,7 +90,7 @@ def taught(
         number=number,
         gain=gain,
         orders=orders,
-        follows=lambda n: Follows(response=nominal(n), spread=0.0),
+        follows=lambda n: ToolResponse(response=nominal(n), spread=0.0),
         scatter_um=scatter_um,
         beside=beside,
         date="2001-11-30T14:05:00Z",
@@ -103,7 +109,7 @@ def test_the_parts_get_better_by_what_two_of_them_foretell() -> None:
         assert step.contraction is not None
         assert step.contraction.arrives == pytest.approx(true, abs=1e-5)
         assert step.contraction.value == pytest.approx(abs(1 - gain * true), abs=1e-5)
-        assert step.contraction.verdict is Verdict.CONVERGES
+        assert step.contraction.verdict is ImprovementVerdict.CONVERGES
         shrinks.append(abs(harmonics[3]) / before)
         before = abs(harmonics[3])
         cut = AppliedPath(path=step.next.path, fraction=1.0, version=step.next)
@@ -113,7 +119,7 @@ def test_the_parts_get_better_by_what_two_of_them_foretell() -> None:
 
 
 def test_half_of_the_compensation_tells_sign_and_angle() -> None:
-    told = expected(55.0, 0.5)
+    told = expect_residual(55.0, 0.5)
     assert (told.right_um_pp, told.wrong_um_pp) == (27.5, 82.5)
     half = AppliedPath(path=MODEL, fraction=0.5, version=None)
     right, wrong, late = (
@@ -166,7 +172,7 @@ def test_what_clamping_scatters_is_no_divergence() -> None:
     assert [problem.code for problem in known.reasons] == ["learned.diverges"]
     assert unsure.reasons == ()
     assert unsure.contraction is not None
-    assert unsure.contraction.verdict is Verdict.UNCLEAR
+    assert unsure.contraction.verdict is ImprovementVerdict.UNCLEAR
 
 
 @settings(max_examples=20, deadline=None)
@@ -324,7 +330,7 @@ def test_an_overtone_is_judged_by_what_half_a_part_has_taught_too() -> None:
     small = taught(AppliedPath(path=MODEL, fraction=1.0, version=None), part({9: 0.05 + 0j}, noise_um=0.01)).next
     cut = AppliedPath(path=small.path, fraction=1.0, version=small, parent=MODEL)
     again = taught(cut, part({3: 0.05 + 0j, 9: 0.1 + 0j}, noise_um=0.01), scatter_um=0.5)
-    assert again.contractions[9].verdict is Verdict.UNCLEAR
+    assert again.contractions[9].verdict is ImprovementVerdict.UNCLEAR
     assert again.reasons == ()
 
 
@@ -362,15 +368,15 @@ def test_a_lobe_that_is_only_elsewhere_is_a_warning_and_a_tool_that_is_held_back
 def test_what_has_no_lobe_or_one_of_a_model_is_not_made_worse() -> None:
     tiny = replace(JOB, lobe_error_um_pp=0.02)
     path = CutPath(target=target_path(tiny), command=target_path(tiny))
-    found = uncompensated(0.5j, 0.001, path.target.harmonics[0].coefficient, 1.0, tiny)
+    found = compare_uncompensated(0.5j, 0.001, path.target.harmonics[0].coefficient, 1.0, tiny)
     assert (found.reasons(), found.warnings()) == ((), ())
     # A job that says 20 um of 55: what is left is larger than 20, and the part is better all the same.
     job = replace(JOB, lobe_error_source="model", lobe_error_um_pp=20.0)
     known, expected_um = 27.5 + 0j, target_path(job).harmonics[0].coefficient
     towards = expected_um / abs(expected_um)
-    assert uncompensated(known * towards - expected_um, 0.01, expected_um, 1.0, job).reasons() == ()
+    assert compare_uncompensated(known * towards - expected_um, 0.01, expected_um, 1.0, job).reasons() == ()
     aside = known * towards * cmath.exp(-3j * math.radians(59.0))
-    assert uncompensated(aside - expected_um, 0.01, expected_um, 1.0, job).reasons()
+    assert compare_uncompensated(aside - expected_um, 0.01, expected_um, 1.0, job).reasons()
 
 
 def test_a_version_without_what_may_be_missing_is_read_and_learned_from() -> None:

@@ -24,7 +24,7 @@ from profiles.paper.causes_left import (
 from profiles.paper.record import Basis, Record, Section, lee_2001
 from profiles.paper.reproduction import sections
 from profiles.paper.table_5 import (
-    Reading,
+    ErrorBasis,
     feedforward_response,
     fitted_feedforward,
     fitted_gain,
@@ -91,13 +91,13 @@ def test_what_each_explanation_leaves(model: str, first: float, second: float) -
 @pytest.mark.parametrize(
     ("reading", "at_50_hz"),
     [
-        (Reading.LOSS_OF_AMPLITUDE, 0.3134),
-        (Reading.LOSS_PEAK_TO_PEAK, 0.2541),
-        (Reading.EXCESS_PEAK_TO_PEAK, 0.2792),
-        (Reading.EXCESS_OF_AMPLITUDE, 0.3536),
+        (ErrorBasis.LOSS_OF_AMPLITUDE, 0.3134),
+        (ErrorBasis.LOSS_PEAK_TO_PEAK, 0.2541),
+        (ErrorBasis.EXCESS_PEAK_TO_PEAK, 0.2792),
+        (ErrorBasis.EXCESS_OF_AMPLITUDE, 0.3536),
     ],
 )
-def test_the_four_readings_of_table_5(reading: Reading, at_50_hz: float) -> None:
+def test_the_four_readings_of_table_5(reading: ErrorBasis, at_50_hz: float) -> None:
     assert abs(1 - complex(measured_response(50.0, reading))) == pytest.approx(at_50_hz, abs=5e-5)
 
 
@@ -109,7 +109,7 @@ def test_the_fit_of_feedforward_and_delay() -> None:
     assert (fit.acceleration_fraction, 1000 * fit.delay_s) == pytest.approx((0.879, 0.600), abs=0.005)
     assert fit.chi2 == pytest.approx(18.5, abs=0.1)
     assert fitted_gain(PAPER.machine) == pytest.approx(4.12, abs=0.005)
-    assert fitted_feedforward(PAPER.machine, Reading.LOSS_OF_AMPLITUDE).chi2 == pytest.approx(72.4, abs=0.5)
+    assert fitted_feedforward(PAPER.machine, ErrorBasis.LOSS_OF_AMPLITUDE).chi2 == pytest.approx(72.4, abs=0.5)
     met = feedforward_response(PAPER.machine, [10.0, 30.0, 50.0, 70.0], fit.acceleration_fraction, fit.delay_s)
     assert np.abs(met) == pytest.approx([0.932, 0.878, 0.874, 0.875], abs=1e-3)
     assert np.angle(met) == pytest.approx([-0.110, -0.150, -0.207, -0.274], abs=1e-3)

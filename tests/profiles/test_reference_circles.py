@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from profiles.arrays import Floats
-from profiles.metrology.circles import CIRCLES, Contact, limacon_circle
+from profiles.metrology.circles import CIRCLES, ContactPoint, limacon_circle
 from profiles.metrology.geometric import geometric_circle
 from profiles.metrology.points import HANDFUL
 from profiles.metrology.process_statistics import (
@@ -167,7 +167,7 @@ def least_ront_um(kind: str, angle_deg: Floats, deviation_um: Floats) -> float:
     return float(found.x[2])
 
 
-def alternating(contacts: tuple[Contact, ...]) -> bool:
+def alternating(contacts: tuple[ContactPoint, ...]) -> bool:
     sides = [contact.outer for contact in contacts]
     return len(sides) == 4 and all(a is not b for a, b in itertools.pairwise(sides))
 

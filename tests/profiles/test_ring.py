@@ -91,7 +91,9 @@ def test_jaws_walls_and_lengths_change_the_spring_back() -> None:
     assert axial_fraction(TUBE, 3, 30.0) == pytest.approx(0.347, abs=5e-4)
     assert axial_fraction(small, 3, 30.0) == pytest.approx(0.130, abs=5e-4)
     # A load at one place bends 1/beta to either side: 46.9 mm far from an end, so 23.5 mm with one side alone.
-    assert replace(TUBE, grip_mm=1e-6, overhang_mm=1000).bent(3).length_mm == pytest.approx(46.94 / 2, abs=0.01)
+    assert replace(TUBE, grip_mm=1e-6, overhang_mm=1000).bending_ring(3).length_mm == pytest.approx(
+        46.94 / 2, abs=0.01
+    )
 
 
 def test_where_the_jaws_end_the_ring_is_high_and_the_lobe_falls_to_the_free_end() -> None:

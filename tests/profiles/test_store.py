@@ -24,7 +24,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import profiles
-from profiles.fields import Field, Kind
+from profiles.fields import Field, FieldType
 from profiles.files import made_locked, remove_all_left, write_atomically
 from profiles.job import JOB_FIELDS, Job
 from profiles.problem import Problem, ProblemError, ProfileError
@@ -171,14 +171,14 @@ TEXTS = st.text(LETTERS, min_size=1, max_size=80) | st.sampled_from(["a b", "알
 
 
 def values_of(field: Field) -> st.SearchStrategy[object]:
-    if field.kind is Kind.CHOICE:
+    if field.kind is FieldType.CHOICE:
         return st.sampled_from(field.choices)
-    if field.kind is Kind.TEXTS:
+    if field.kind is FieldType.TEXTS:
         return st.lists(st.sampled_from(field.choices) if field.choices else TEXTS).map(tuple)
-    if field.kind is Kind.TEXT:
+    if field.kind is FieldType.TEXT:
         return TEXTS if field.required else TEXTS | st.just("")
     assert field.at_least is not None and field.at_most is not None
-    if field.kind is Kind.WHOLE:
+    if field.kind is FieldType.WHOLE:
         return st.integers(int(field.at_least), int(field.at_most))
     return st.floats(field.at_least, field.at_most).map(lambda value: value if abs(value) >= 1e-9 else 0.0)
 

@@ -12,8 +12,8 @@ import pytest
 
 from console.school.training.attempt import Attempt
 from console.school.training.debrief import Debrief, debrief_of
-from console.school.training.following import followed
-from console.school.training.happened import What
+from console.school.training.following import follow_attempt
+from console.school.training.happenings import HappeningKind
 from console.school.training.lesson import Item, Lesson, lesson_of
 from console.school.training.tries import Try, check_trainee, files_of, keep_try, told_again, tries, try_of
 from console.session.station.commands import (
@@ -77,7 +77,7 @@ class Pupil:
         self.tried = Attempt(lesson=lesson, began_s=floor.sim.now_s(), seed=seed)
 
         def look(_: object) -> None:
-            self.tried = followed(self.tried, control)  # type: ignore[arg-type]
+            self.tried = follow_attempt(self.tried, control)  # type: ignore[arg-type]
 
         self.look = look
         look(None)
@@ -111,7 +111,7 @@ class Pupil:
         self.look(None)
         if self.floor.state.stop is not None:
             self.floor.do(Recover())
-        self.tried = self.tried.ended(self.floor.sim.now_s())
+        self.tried = self.tried.end_attempt(self.floor.sim.now_s())
         truth = self.floor.do(AskTruth()).truth
         assert truth is not None
         return debrief_of(self.tried, truth, self.floor.sim.now_s())
@@ -197,7 +197,7 @@ def test_a_fault_comes_after_its_step_and_what_was_done_about_it_counts(tmp_path
     pupil.floor.station.post(Acknowledge(shown=tuple(alarm.problem for alarm in pupil.floor.state.alarms)))
     pupil.floor.idle()
     kinds = [each.what for each in pupil.tried.happened]
-    assert kinds.index(What.FAULT) < kinds.index(What.ALARM) < kinds.index(What.SEEN)
+    assert kinds.index(HappeningKind.FAULT) < kinds.index(HappeningKind.ALARM) < kinds.index(HappeningKind.SEEN)
     reaction = next(mark for mark in pupil.debriefed().marks if mark.item is Item.REACTION)
     assert 4.0 < reaction.value < 12.0
 
@@ -251,7 +251,7 @@ def test_what_comes_after_the_end_does_not_count(tmp_path: Path) -> None:
 
 
 def kept_try(data: Path, trainee: str, score: int) -> Path:
-    attempt = Attempt(lesson=part_lesson(), began_s=0.0, trainee=trainee).ended(60.0)
+    attempt = Attempt(lesson=part_lesson(), began_s=0.0, trainee=trainee).end_attempt(60.0)
     return keep_try(data, try_of(attempt, Debrief(score=score, marks=()), 60.0))
 
 

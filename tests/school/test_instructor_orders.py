@@ -14,11 +14,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.cli.commands import build
-from console.school.instructing.carrying import MOST_CHECKPOINTS, CarryOut
-from console.school.instructing.mailbox import Act, Mailbox
-from console.school.instructing.order import FASTEST, SLOWEST, Answer, Do, read_answer, read_order, written
+from console.school.instructing.mailbox import InstructorAct, Mailbox
+from console.school.instructing.order import (
+    FASTEST,
+    SLOWEST,
+    OrderKind,
+    OrderReply,
+    encode_answer,
+    read_answer,
+    read_order,
+)
+from console.school.instructing.order_execution import MOST_CHECKPOINTS, CarryOut
 from console.school.training.debrief import reactions
-from console.school.training.happened import What
+from console.school.training.happenings import HappeningKind
 from console.session.errors import SessionError
 from console.session.station.commands import (
     Acknowledge,
@@ -52,21 +60,21 @@ def test_a_line_is_an_order_or_is_refused(line: str) -> None:
     else:
         assert SLOWEST <= order.speed <= FASTEST
         assert order.line.isprintable()
-        assert order.do is not Do.FAULT or shlex.split(order.line) == shlex.split(line)
+        assert order.do is not OrderKind.FAULT or shlex.split(order.line) == shlex.split(line)
 
 
 @pytest.mark.parametrize(
     ("line", "do"),
     [
-        ("inject hang for=3", Do.FAULT),
-        ("speed 2", Do.SPEED),
-        ("speed x0.5", Do.SPEED),
-        ("checkpoint", Do.CHECKPOINT),
-        ("return before-cut", Do.RETURN),
-        ("screen", Do.SCREEN),
+        ("inject hang for=3", OrderKind.FAULT),
+        ("speed 2", OrderKind.SPEED),
+        ("speed x0.5", OrderKind.SPEED),
+        ("checkpoint", OrderKind.CHECKPOINT),
+        ("return before-cut", OrderKind.RETURN),
+        ("screen", OrderKind.SCREEN),
     ],
 )
-def test_orders(line: str, do: Do) -> None:
+def test_orders(line: str, do: OrderKind) -> None:
     assert read_order(line).do is do
 
 
@@ -85,8 +93,8 @@ def test_only_what_changes_the_lathe_is_kept_from_the_trainee() -> None:
 
 @given(st.lists(st.text()), st.none() | st.builds(Problem, code=st.text(), value=st.text()))
 def test_an_answer_arrives_as_it_was_given(lines: list[str], problem: Problem | None) -> None:
-    answer = Answer(lines=tuple(lines), problem=problem)
-    line = written(answer)
+    answer = OrderReply(lines=tuple(lines), problem=problem)
+    line = encode_answer(answer)
     assert line.count(b"\n") == 1
     assert read_answer(line) == answer
 
@@ -138,9 +146,9 @@ class Site:
         self.real_s += seconds
         (self.looks.pop(0) if self.looks else lambda: self.floor.station.post(Recover()))()
 
-    def orders(self, line: str) -> list[Answer]:
+    def orders(self, line: str) -> list[OrderReply]:
         """Give an order; return the list that gets its answer."""
-        answers: list[Answer] = []
+        answers: list[OrderReply] = []
         assert self.floor.station.post(CarryOut(order=read_order(line), answered=answers.append))
         return answers
 
@@ -217,7 +225,7 @@ def test_a_checkpoint_is_of_rest_with_nothing_armed(site: Site) -> None:
     floor.do(Arm(job=JOB, job_sha256="0" * 64, strategy=Strategy.PVT))
     assert floor.state.armed is not None
     assert site.done("checkpoint b") == "instruct.not_at_rest"
-    moving: list[list[Answer]] = []
+    moving: list[list[OrderReply]] = []
     floor.when(lambda snapshot: snapshot.moving, lambda: moving.append(site.orders("checkpoint c")))
     floor.do(DisableDrives())
     floor.do(EnableDrives())
@@ -240,36 +248,36 @@ def test_checkpoints_are_few_and_known_by_name(site: Site) -> None:
 
 
 def test_without_an_instructor_there_are_no_orders(tmp_path: Path) -> None:
-    floor, answers = open_floor(tmp_path), list[Answer]()
+    floor, answers = open_floor(tmp_path), list[OrderReply]()
     floor.station.post(CarryOut(order=read_order("pause"), answered=answers.append))
     floor.station.step()
     assert answers[0].problem is not None
     assert floor.state.speed == 1.0
 
 
-def act(line: str, at_s: float) -> Act:
-    return Act(at=datetime(2026, 1, 1, 8, 0, 0), at_s=at_s, order=read_order(line))
+def act(line: str, at_s: float) -> InstructorAct:
+    return InstructorAct(at=datetime(2026, 1, 1, 8, 0, 0), at_s=at_s, order=read_order(line))
 
 
 def test_a_fault_of_the_instructor_counts_as_one_of_the_lesson(tmp_path: Path) -> None:
     pupil = Pupil(open_floor(tmp_path, plant="easy"), part_lesson())
-    tried = pupil.tried.instructed(act("inject hang for=2", pupil.tried.began_s + 3.0))
-    tried = tried.instructed(act("pause", pupil.tried.began_s + 4.0))
+    tried = pupil.tried.record_instruction(act("inject hang for=2", pupil.tried.began_s + 3.0))
+    tried = tried.record_instruction(act("pause", pupil.tried.began_s + 4.0))
     assert [(each.what, each.word, round(each.at_s, 6)) for each in tried.happened] == [
-        (What.FAULT, "hang for=2", 3.0),
-        (What.INSTRUCTOR, "pause", 4.0),
+        (HappeningKind.FAULT, "hang for=2", 3.0),
+        (HappeningKind.INSTRUCTOR, "pause", 4.0),
     ]
     assert tried.faults == 1
     assert reactions(tried, pupil.tried.began_s + 10.0) == pytest.approx((7.0,))
-    assert tried.ended(0.0).instructed(act("clear", 0.0)).happened == tried.happened
+    assert tried.end_attempt(0.0).record_instruction(act("clear", 0.0)).happened == tried.happened
 
 
 def test_steps_made_since_a_checkpoint_are_made_again_after_a_return(tmp_path: Path) -> None:
     tried = replace(Pupil(open_floor(tmp_path), part_lesson()).tried, reached=(("touched_off", 5.0),))
-    tried = tried.instructed(act("checkpoint", 6.0))
+    tried = tried.record_instruction(act("checkpoint", 6.0))
     tried = replace(tried, reached=(*tried.reached, ("full_cut", 9.0), ("measured", 11.0)))
-    assert tried.instructed(act("return", 12.0)).reached == (("touched_off", 5.0),)
-    assert tried.instructed(act("return other", 12.0)).step == 3
+    assert tried.record_instruction(act("return", 12.0)).reached == (("touched_off", 5.0),)
+    assert tried.record_instruction(act("return other", 12.0)).step == 3
 
 
 def test_faults_are_hidden_from_the_log_that_a_trainee_sees() -> None:

@@ -10,13 +10,21 @@ from typing import Any
 
 import pytest
 
-from console.school.schooling import begun
+from console.school.schooling import begin_attempt
 from console.school.training.attempt import Attempt
-from console.school.training.debrief import unseen
-from console.school.training.happened import Happening, What
-from console.school.training.left import Left, continued, forget_left, keep_left, left_file, left_of, read_left
+from console.school.training.debrief import unacknowledged_times_s
+from console.school.training.happenings import Happening, HappeningKind
 from console.school.training.lesson import load_lesson
 from console.school.training.tries import left_files, tries
+from console.school.training.unfinished_try import (
+    UnfinishedTry,
+    continue_try,
+    forget_left,
+    keep_left,
+    left_file,
+    left_of,
+    read_left,
+)
 from console.text.catalogue import load
 from profiles.problem import ProfileError
 from tests.console.floor import open_floor
@@ -66,7 +74,7 @@ def after(name: str, made: int, **more: Any) -> Attempt:
 )
 def test_steps_stay_made_that_a_machine_after_power_up_can_go_on_from(name: str, made: int, kept: int) -> None:
     attempt = after(name, made)
-    goes_on = continued(left_of(attempt, 60.0 * (made + 1)), attempt.lesson, 1000.0)
+    goes_on = continue_try(left_of(attempt, 60.0 * (made + 1)), attempt.lesson, 1000.0)
     assert (0 if goes_on is None else goes_on.step) == kept
     if goes_on is not None:
         assert goes_on.reached == attempt.reached[:kept] and goes_on.seed == 7
@@ -78,15 +86,15 @@ def test_steps_stay_made_that_a_machine_after_power_up_can_go_on_from(name: str,
 
 
 def test_a_kept_try_is_read_back_as_it_was_and_forgotten(tmp_path: Path) -> None:
-    met = (Happening(at_s=61.0, what=What.MET, word="jaws"),)
+    met = (Happening(at_s=61.0, what=HappeningKind.MET, word="jaws"),)
     attempt = after("thin-ring", 1, happened=met, answer=2)
     keep_left(tmp_path, attempt, 100.0)
     keep_left(tmp_path, attempt, 120.0)
     left = read_left(tmp_path, "", "thin-ring")
     assert left == left_of(attempt, 120.0)
     assert left is not None
-    goes_on = continued(left, attempt.lesson, 500.0)
-    assert goes_on is not None and goes_on.met == ("jaws",), "a collision is not left behind"
+    goes_on = continue_try(left, attempt.lesson, 500.0)
+    assert goes_on is not None and goes_on.collision_kinds == ("jaws",), "a collision is not left behind"
     assert tries(tmp_path) == () and len(left_files(tmp_path, "")) == 1
     forget_left(tmp_path, "", "thin-ring")
     forget_left(tmp_path, "", "thin-ring")
@@ -95,13 +103,13 @@ def test_a_kept_try_is_read_back_as_it_was_and_forgotten(tmp_path: Path) -> None
 
 def test_nothing_is_kept_of_a_try_without_a_step_or_after_its_end(tmp_path: Path) -> None:
     keep_left(tmp_path, after("thin-ring", 0), 10.0)
-    keep_left(tmp_path, after("thin-ring", 2).ended(100.0), 120.0)
+    keep_left(tmp_path, after("thin-ring", 2).end_attempt(100.0), 120.0)
     assert read_left(tmp_path, "", "thin-ring") is None
 
 
 def test_a_lesson_that_was_changed_begins_anew() -> None:
     left = left_of(after("thin-ring", 1), 100.0)
-    assert continued(left, replace(load_lesson("thin-ring", OWN), steps=("homed", "measured")), 0.0) is None
+    assert continue_try(left, replace(load_lesson("thin-ring", OWN), steps=("homed", "measured")), 0.0) is None
 
 
 @pytest.mark.parametrize("content", ["", "{", '{"schema": 1}', '{"schema": 9}'])
@@ -113,10 +121,10 @@ def test_a_damaged_file_is_told(content: str, tmp_path: Path) -> None:
 
 
 def test_an_alarm_ends_with_the_lathe_that_was_left() -> None:
-    alarm = (Happening(at_s=30.0, what=What.ALARM, word="machine.fault"),)
+    alarm = (Happening(at_s=30.0, what=HappeningKind.ALARM, word="machine.fault"),)
     left = left_of(after("thin-ring", 1, happened=alarm), 100.0)
-    goes_on = continued(left, load_lesson("thin-ring", OWN), 5000.0)
-    assert goes_on is not None and unseen(goes_on, 9000.0) == (70.0,)
+    goes_on = continue_try(left, load_lesson("thin-ring", OWN), 5000.0)
+    assert goes_on is not None and unacknowledged_times_s(goes_on, 9000.0) == (70.0,)
 
 
 @pytest.mark.long
@@ -127,7 +135,7 @@ def test_a_fault_that_was_not_lived_through_comes_again_at_the_next_lathe(tmp_pa
     first.tried = replace(first.tried, reached=(("touched_off", 1.0), ("in_cut", 2.0)), given=frozenset({0}))
     left = left_of(first.tried, first.floor.sim.now_s())
     second = Pupil(open_floor(tmp_path / "second", plant=lesson.plant), lesson)
-    goes_on = continued(json_back(left, tmp_path), lesson, second.floor.sim.now_s())
+    goes_on = continue_try(json_back(left, tmp_path), lesson, second.floor.sim.now_s())
     assert goes_on is not None and goes_on.step == 1 and not goes_on.given
     second.tried = goes_on
     a_cut_that_fails(second)
@@ -135,7 +143,7 @@ def test_a_fault_that_was_not_lived_through_comes_again_at_the_next_lathe(tmp_pa
     assert second.tried.done and second.tried.given == {0}
 
 
-def json_back(left: Left, data: Path) -> Left:
+def json_back(left: UnfinishedTry, data: Path) -> UnfinishedTry:
     """What was left, by way of its file."""
     file = left_file(data, "", "drive-fails")
     file.parent.mkdir(parents=True)
@@ -164,7 +172,7 @@ def test_it_is_said_before_the_screens_when_a_lesson_continues_and_when_it_canno
 
     keep_left(tmp_path, after("following-error", made), 300.0)
     monkeypatch.setattr("builtins.input", enter)
-    attempt = begun(Namespace(trainee="", lesson="following-error"), tmp_path, text)
+    attempt = begin_attempt(Namespace(trainee="", lesson="following-error"), tmp_path, text)
     assert questions == [text(asked)]
     said = capsys.readouterr().out
     assert "after 5:00" in said and word in said
@@ -177,5 +185,5 @@ def test_a_lesson_that_was_changed_meanwhile_starts_over_and_says_that(
     attempt = after("first-look", 2)
     keep_left(tmp_path, replace(attempt, reached=(("skimmed", 60.0), ("homed", 120.0))), 300.0)
     monkeypatch.setattr("builtins.input", lambda _: "")
-    assert begun(Namespace(trainee="", lesson="first-look"), tmp_path, load("en")).continued == 0
+    assert begin_attempt(Namespace(trainee="", lesson="first-look"), tmp_path, load("en")).continued == 0
     assert "It has changed since" in capsys.readouterr().out

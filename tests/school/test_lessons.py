@@ -97,8 +97,8 @@ def test_an_own_lesson_is_listed_and_goes_before_a_bundled_one(tmp_path: Path) -
 
 def made(floor: Floor, attempt: Attempt) -> list[Attempt]:
     """Follow a try by every state of the station."""
-    tries = [attempt.seen(floor.state, floor.sim.now_s())]
-    floor.looks.append(lambda _: tries.append(tries[-1].seen(floor.state, floor.sim.now_s())))
+    tries = [attempt.see_state(floor.state, floor.sim.now_s())]
+    floor.looks.append(lambda _: tries.append(tries[-1].see_state(floor.state, floor.sim.now_s())))
     return tries
 
 
@@ -131,9 +131,13 @@ def test_a_stop_and_a_collision_are_counted_once(tmp_path: Path) -> None:
     last = tries[-1]
     assert (last.stops, [name for name, _ in last.reached]) == (1, ["touched_off", "armed", "stopped_in_cut"])
     view = WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=None, collisions=("jaws", "too_deep"))
-    rammed = last.seen(replace(floor.state, seen=view), floor.sim.now_s())
-    again = rammed.seen(replace(floor.state, seen=view, at_s=1.0), floor.sim.now_s())
-    assert (last.met, rammed.met, again.met) == ((), ("jaws", "too_deep"), ("jaws", "too_deep"))
+    rammed = last.see_state(replace(floor.state, seen=view), floor.sim.now_s())
+    again = rammed.see_state(replace(floor.state, seen=view, at_s=1.0), floor.sim.now_s())
+    assert (last.collision_kinds, rammed.collision_kinds, again.collision_kinds) == (
+        (),
+        ("jaws", "too_deep"),
+        ("jaws", "too_deep"),
+    )
 
 
 def test_the_command_lists_lessons_and_shows_one(console: Console) -> None:

@@ -13,8 +13,8 @@ from console.school.training.lesson import FOLDER, Item, Lesson, lesson_of, load
 from console.school.training.tries import try_of
 from console.session.station.commands import Acknowledge, DisableDrives, Jog, Measure, Start, TakeControl, TakeJaw
 from drivers.cutting.planning import Strategy
+from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.snapshot import AxisName
-from drivers.lathe.standing import Standing
 from profiles.problem import ProfileError
 from profiles.store import load_job
 from tests.compact import compact_machine
@@ -62,17 +62,17 @@ def test_an_answer_is_given_once_when_it_is_due_and_counts(tmp_path: Path) -> No
     for answer, lost in ((1, 0.0), (2, 30.0)):
         pupil = Pupil(open_floor(tmp_path / str(answer)), lesson_of(ASKING, "mine", "mine.toml"))
         assert pupil.tried.asks and pupil.tried.asks_now
-        pupil.tried = pupil.tried.answered(answer)
+        pupil.tried = pupil.tried.answer_question(answer)
         waits(pupil, 1)
         assert pupil.tried.done and not pupil.tried.asks
-        assert pupil.tried.answered(0).answer == answer, "there is no second try"
+        assert pupil.tried.answer_question(0).answer == answer, "there is no second try"
         debrief = pupil.debriefed()
         assert marks_of(debrief)[Item.ANSWER] == lost and debrief.score == 100 - lost
 
 
 def test_a_question_that_is_not_due_is_not_answered(tmp_path: Path) -> None:
     pupil = pupil_at(tmp_path, "read-a-plot")
-    assert pupil.tried.asks and pupil.tried.answered(1).answer is None
+    assert pupil.tried.asks and pupil.tried.answer_question(1).answer is None
 
 
 def test_the_seed_draws_each_of_the_lathes_and_the_same_one_again() -> None:
@@ -115,7 +115,7 @@ def test_each_error_of_the_plot_lesson_can_be_read_off_its_plot(
         high_deg = -np.degrees(np.angle(spectrum[order])) / order - measured.jaw_1_deg
         off_deg = abs((high_deg + 180.0 / order) % (360.0 / order) - 180.0 / order)
         assert off_deg == pytest.approx(from_jaw_deg, abs=8.0 if from_jaw_deg else 1.0)
-    pupil.tried = pupil.tried.answered(place)
+    pupil.tried = pupil.tried.answer_question(place)
     assert pupil.debriefed().score >= 95
     assert try_of(pupil.tried, pupil.debriefed(), 0.0).plant == lathe
 
@@ -128,13 +128,13 @@ def test_another_console_takes_control_at_rest_and_it_is_taken_back(tmp_path: Pa
     assert not pupil.tried.given and floor.state.controls
     waits(pupil, 3)
     observing = floor.state
-    assert observing.standing is Standing.OUSTED and observing.held_by is not None
+    assert observing.standing is ConsoleRole.OUSTED and observing.held_by is not None
     assert (observing.held_by.name, observing.held_by.host) == ("park", "office")
     assert not floor.station.post(TakeJaw()), "an observer orders nothing"
     waits(pupil, 4)
     floor.station.post(Acknowledge(shown=tuple(alarm.problem for alarm in floor.state.alarms)))
     floor.idle()
-    pupil.tried = pupil.tried.answered(1)
+    pupil.tried = pupil.tried.answer_question(1)
     waits(pupil, 1)
     floor.do(TakeControl())
     floor.do(DisableDrives())

@@ -11,8 +11,8 @@ import pytest
 from textual.pilot import Pilot
 
 from console.school.schooling import follow_lesson
-from console.school.training.attempt import Attempt, Found
-from console.school.training.happened import Happening, PartFact, What
+from console.school.training.attempt import Attempt, TraineeFindings
+from console.school.training.happenings import Happening, HappeningKind, PartFact
 from console.school.training.lesson import Item, lesson_of, load_lesson
 from console.school.training.tries import tries
 from console.school.words.debrief import happening_words
@@ -29,19 +29,21 @@ from tests.tui.stage import LANGUAGES, FixedControl
 
 TRUTH = Truth(jaw_1_deg=150.0, zero_radius_mm=29.0, reachable_um=2.0, nearest_jaws_mm=0.4, contact_mm_per_s=0.9)
 FACTS = (
-    Happening(at_s=30.0, what=What.STEP, word="touched_off"),
-    Happening(at_s=60.0, what=What.FAULT, word="cut-cable for=10"),
-    Happening(at_s=61.0, what=What.ALARM, word="link.lost", problem=Problem(code="link.lost", value="cut")),
-    Happening(at_s=90.0, what=What.STOP, word="space"),
-    Happening(at_s=95.0, what=What.MET, word="jaws"),
-    Happening(at_s=99.0, what=What.PART, word="24.10"),
+    Happening(at_s=30.0, what=HappeningKind.STEP, word="touched_off"),
+    Happening(at_s=60.0, what=HappeningKind.FAULT, word="cut-cable for=10"),
+    Happening(
+        at_s=61.0, what=HappeningKind.ALARM, word="link.lost", problem=Problem(code="link.lost", value="cut")
+    ),
+    Happening(at_s=90.0, what=HappeningKind.STOP, word="space"),
+    Happening(at_s=95.0, what=HappeningKind.MET, word="jaws"),
+    Happening(at_s=99.0, what=HappeningKind.PART, word="24.10"),
 )
 Play = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
 
 
 def tried(app: ConsoleApp, data: Path) -> Attempt:
     """A try with everything in it that can go wrong."""
-    found = Found(jaw_1_deg=155.0, zero_radius_mm=29.08, lobe_um_pp=55.0)
+    found = TraineeFindings(jaw_1_deg=155.0, zero_radius_mm=29.08, lobe_um_pp=55.0)
     part = PartFact(ront_um=24.1, tolerance_um=4.0, offset_um=80.0, diameter_passes=False, full=True)
     lesson = replace(load_lesson("thin-ring", data), minutes=3.0)
     begun = Attempt(lesson=lesson, began_s=app.ui.control.now_s() - 300.0, trainee="Kim", seed=1)
@@ -71,7 +73,7 @@ def test_enter_ends_the_lesson_and_every_item_is_told(tmp_path: Path, language: 
     async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
         page = app._pages[PageName.TRAIN]
         page.act("train.end")
-        assert [problem.code for problem in app.ui.said] == ["training.end_again"] and not control.orders
+        assert [problem.code for problem in app.ui.key_answer] == ["training.end_again"] and not control.orders
         page.act("train.end")
         assert control.orders == [AskTruth()]
         control.state = replace(control.state, truth=TRUTH)
@@ -103,7 +105,7 @@ def test_a_try_that_cannot_be_kept_is_told_and_debriefed_all_the_same(tmp_path: 
         control.state = replace(control.state, truth=TRUTH)
         app.tick()
         await pilot.pause()
-        assert [problem.code for problem in app.ui.said] == ["file.not_writable"]
+        assert [problem.code for problem in app.ui.key_answer] == ["file.not_writable"]
         assert "Score" in "\n".join(rows_of(app))
 
     play(tmp_path, scene)
@@ -113,7 +115,7 @@ def test_without_a_lesson_there_is_nothing_to_end(tmp_path: Path) -> None:
     async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
         app.ui.attempt = None
         app._pages[PageName.TRAIN].act("train.end")
-        assert [problem.code for problem in app.ui.said] == ["training.none"] and not control.orders
+        assert [problem.code for problem in app.ui.key_answer] == ["training.none"] and not control.orders
 
     play(tmp_path, scene)
 
@@ -137,7 +139,7 @@ def test_the_list_has_the_best_score_of_each_lesson_and_tells_a_damaged_try(tmp_
         next(folder.glob("*.json")).write_text("{", encoding="utf-8")
         page.leave()
         app.tick()
-        assert [problem.code for problem in app.ui.said] == ["training.unreadable"]
+        assert [problem.code for problem in app.ui.key_answer] == ["training.unreadable"]
 
     play(tmp_path, scene)
 
@@ -146,7 +148,7 @@ def test_the_list_has_the_best_score_of_each_lesson_and_tells_a_damaged_try(tmp_
 def test_every_fault_has_words(language: str) -> None:
     text = load(language)
     for name in CATALOGUE:
-        words = happening_words(Happening(at_s=0.0, what=What.FAULT, word=f"{name} for=1"), text)
+        words = happening_words(Happening(at_s=0.0, what=HappeningKind.FAULT, word=f"{name} for=1"), text)
         assert f"fault.{name}" not in words and words
 
 

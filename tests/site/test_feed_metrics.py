@@ -21,7 +21,7 @@ import console.session.extras as extras
 from console.session.data.record_file import FILE_NAME
 from console.session.errors import SessionError
 from console.session.feed.feed_state import FeedState
-from console.session.feed.observed import Observed
+from console.session.feed.observed_state import ObservedState
 from console.session.feed.report import report
 from console.session.station.state import Activity, StationState
 from console.site.cli.metrics import response
@@ -30,7 +30,7 @@ from console.site.shop.identity import LatheIdentity, lathe_identity
 from console.site.shop.outbox import outbox
 from console.site.shop.tables import RUNS, SENT
 from console.text.catalogue import load
-from drivers.lathe.standing import Standing
+from drivers.lathe.console_role import ConsoleRole
 from profiles.problem import ProblemError
 from profiles.store import load_machine
 from tests.console.test_run_reader import record
@@ -82,7 +82,7 @@ def parsed(text: str) -> dict[Series, float]:
 
 
 def state(of: StationState, process: int = 7, **more: Any) -> FeedState:
-    observed = Observed(state=of, machine=MACHINE, now_s=of.at_s, **more)
+    observed = ObservedState(state=of, machine=MACHINE, now_s=of.at_s, **more)
     return report(observed, process=process, operator="kim", at_utc="2026-01-01T00:00:00Z")
 
 
@@ -93,7 +93,7 @@ def of_machine(**more: str) -> frozenset[tuple[str, str]]:
 def test_a_cut_and_its_alarms_are_counted() -> None:
     alarms, _ = scenes.alarmed()
     cutting = replace(CUTTING, alarms=alarms)
-    looking_on = StationState(machine=MACHINE.name, standing=Standing.OWNER)
+    looking_on = StationState(machine=MACHINE.name, standing=ConsoleRole.OWNER)
     found = parsed(exposition([state(cutting, parts=3), state(looking_on, 8)]))
     assert found["trilobe_consoles", frozenset()] == 2.0
     assert found["trilobe_spindle_rpm", of_machine()] == 1000.314

@@ -23,7 +23,7 @@ from console.session.errors import SessionError
 from console.site.study import running
 from console.site.study.cells import MADE, Cell, Row, cells, read_study
 from console.site.study.results import TABLE, write_table
-from console.site.study.running import NAME, CellResult, Progress, carry_out, failed, software
+from console.site.study.running import NAME, CellResult, StudyProgress, carry_out, failed_row, software
 from console.site.study.workers import Workers, processes
 from profiles.problem import ProblemError
 
@@ -35,7 +35,7 @@ def make_or_die(content: bytes) -> CellResult:
     cell: Cell = pickle.loads(content)
     if cell.names["seed"] == DIES:
         os._exit(9)
-    return CellResult(cell.number, (failed(cell, MADE),), software())
+    return CellResult(cell.number, (failed_row(cell, MADE),), software())
 
 
 Console = Callable[..., Any]
@@ -68,7 +68,9 @@ def threads(count: int = 1) -> Iterator[Workers]:
         yield Workers(pool, count)
 
 
-def carried_out(path: Path, folder: Path, told: Callable[[Progress], object] = lambda _: None) -> tuple[Row, ...]:
+def carried_out(
+    path: Path, folder: Path, told: Callable[[StudyProgress], object] = lambda _: None
+) -> tuple[Row, ...]:
     return carry_out(cells_of(path), folder, threads, told)
 
 
@@ -164,7 +166,7 @@ def test_a_study_resumes_after_what_a_kill_has_left(tmp_path: Path, quick: list[
     whole = write_table(tmp_path, carried_out(path, tmp_path / "whole")).read_bytes()
     quick.clear()
 
-    def stops(progress: Progress) -> None:
+    def stops(progress: StudyProgress) -> None:
         if progress.made_now == 3:
             raise KeyboardInterrupt
 
@@ -175,7 +177,7 @@ def test_a_study_resumes_after_what_a_kill_has_left(tmp_path: Path, quick: list[
     lines = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(b"".join(lines[:3]) + lines[3][: len(lines[3]) // 2])
     quick.clear()
-    first: list[Progress] = []
+    first: list[StudyProgress] = []
     rows = carried_out(path, out, first.append)
     assert (first[0].kept, first[0].made_now, first[-1].kept, first[-1].made_now) == (2, 0, 6, 4)
     assert sorted(quick) == [3, 4, 5, 6]
@@ -202,7 +204,7 @@ def test_a_changed_study_or_a_damaged_journal_is_not_resumed(tmp_path: Path, qui
 def test_two_processes_do_not_carry_out_one_study(tmp_path: Path, quick: list[int]) -> None:
     path, codes = study_file(tmp_path, seeds="[1, 2]"), list[str]()
 
-    def again(_: Progress) -> None:
+    def again(_: StudyProgress) -> None:
         if not codes:
             with pytest.raises(SessionError) as refused:
                 carried_out(path, tmp_path / "out")

@@ -17,7 +17,7 @@ from console.session.data.run_reader import runs, story
 from console.session.data.version_control import VERSIONED, cut_from
 from console.session.errors import SessionError
 from console.session.station.commands import Disarm
-from console.site.versioning.status import Change, How, clone_status
+from console.site.versioning.status import FileChange, FileChangeKind, clone_status
 from profiles.store import load_job, save_job
 from tests.console.floor import Floor
 
@@ -74,10 +74,10 @@ def test_what_differs_is_listed_and_judged(console: Console, clone: Path) -> Non
     (clone / "logs").mkdir()
     (clone / "logs" / "a.txt").write_text("not of how parts are cut")
     assert clone_status(clone).changes == (
-        Change(path="jobs/from elsewhere.toml", how=How.NEW),
-        Change(path="jobs/ring.toml", how=How.MODIFIED),
-        Change(path="jobs/선반 링.toml", how=How.DELETED),
-        Change(path="machines/ours.toml", how=How.NEW),
+        FileChange(path="jobs/from elsewhere.toml", how=FileChangeKind.NEW),
+        FileChange(path="jobs/ring.toml", how=FileChangeKind.MODIFIED),
+        FileChange(path="jobs/선반 링.toml", how=FileChangeKind.DELETED),
+        FileChange(path="machines/ours.toml", how=FileChangeKind.NEW),
     )
     fields = console("jobs", "status", "--data", str(clone), "--json").json
     assert [bool(each["problems"]) for each in fields["changes"]] == [True, False, False, True]
@@ -203,10 +203,10 @@ def test_a_change_of_the_same_length_and_date_is_one(clone: Path) -> None:
     before, dates = ring.read_bytes(), ring.stat()
     ring.write_bytes(before.replace(b"8", b"9"))
     os.utime(ring, ns=(dates.st_atime_ns, dates.st_mtime_ns))
-    assert clone_status(clone).changes == (Change(path="jobs/ring.toml", how=How.MODIFIED),)
+    assert clone_status(clone).changes == (FileChange(path="jobs/ring.toml", how=FileChangeKind.MODIFIED),)
     ring.unlink()
     os.mkfifo(ring)
-    assert clone_status(clone).changes == (Change(path="jobs/ring.toml", how=How.MODIFIED),)
+    assert clone_status(clone).changes == (FileChange(path="jobs/ring.toml", how=FileChangeKind.MODIFIED),)
 
 
 def test_a_damaged_clone_is_not_taken_for_part_of_the_one_above(clone: Path, tmp_path: Path) -> None:
@@ -224,7 +224,7 @@ def test_files_in_conflict_are_called_so(clone: Path) -> None:
         by_git(clone, "commit", "-q", "-a", "-m", branch)
     with pytest.raises(subprocess.CalledProcessError):
         by_git(clone, "merge", "-q", "other")
-    assert clone_status(clone).changes == (Change(path="jobs/ring.toml", how=How.CONFLICT),)
+    assert clone_status(clone).changes == (FileChange(path="jobs/ring.toml", how=FileChangeKind.CONFLICT),)
 
 
 def test_without_a_clone_or_without_git_it_says_what_to_do(

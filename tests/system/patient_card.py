@@ -20,10 +20,10 @@ from drivers.link.address import TcpAddress
 from drivers.link.base import Link, StopWay
 from drivers.link.opening import open_link
 from drivers.pmac.client import PmacClient
-from drivers.pmac.heartbeat.watchdog import Activity, watchdog_timer
+from drivers.pmac.heartbeat.watchdog import GuardedActivity, watchdog_timer
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import ACTIVITY
-from drivers.simulator.hosts.connection import Connection, PlainStream
+from drivers.simulator.hosts.connection import HostConnection, PlainStream
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.hosts.real_time import SLICE_S, Host
 from drivers.simulator.hosts.server import Listeners, listen
@@ -189,7 +189,7 @@ class PatientCard:
         """Listen for the console, and let time run with it."""
         loop, hosts = asyncio.get_running_loop(), self.server.hosts
         heard = partial(_Heard, card=self)
-        listener = await loop.create_server(lambda: Connection(self.lathe, hosts, heard), "127.0.0.1", 0)
+        listener = await loop.create_server(lambda: HostConnection(self.lathe, hosts, heard), "127.0.0.1", 0)
         self.console = f"tcp:127.0.0.1:{listener.sockets[0].getsockname()[1]}"
         return listener
 
@@ -238,7 +238,7 @@ class PatientCard:
         """Whether the console holds the rate of the lease against its clock: then no moment may be left out."""
         card = self.lathe.controller
         watchdog = watchdog_timer(card.dialect).name
-        guarded = card.variables.get(VariableKind.P, ACTIVITY) != Activity.NOTHING
+        guarded = card.variables.get(VariableKind.P, ACTIVITY) != GuardedActivity.NOTHING
         return card.variables.get(VariableKind.M, int(watchdog[1:])) > 0 and not guarded
 
     @property

@@ -16,8 +16,8 @@ import pytest
 
 from drivers.clock import RealClock
 from drivers.commissioning.backup import backup_text, read_backup
-from drivers.commissioning.configuration import Configuration
-from drivers.commissioning.downloading import differing, planned, send
+from drivers.commissioning.configuration import ControllerConfiguration
+from drivers.commissioning.downloading import differing, plan_download, send
 from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.commissioning.restoring import refuse_other_memory, restore, restore_lines
 from drivers.commissioning.user_buffer import read_words
@@ -29,7 +29,7 @@ from drivers.link.ethernet import EthernetLink
 from drivers.link.opening import TcpLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
-from drivers.simulator.hosts.connection import Connection
+from drivers.simulator.hosts.connection import HostConnection
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import list_machines
 from tests.preloaded import completed
@@ -60,7 +60,7 @@ def connected(serve: Serve, family: str) -> Iterator[PmacClient]:
             yield client
 
 
-def read(client: PmacClient) -> Configuration:
+def read(client: PmacClient) -> ControllerConfiguration:
     """Everything but most of what takes time: the settings and variables of the factory."""
     extent = replace(
         whole_card(client.dialect, values=False),
@@ -106,7 +106,7 @@ def test_a_program_and_a_plc_arrive_over_a_socket(serve: Serve, family: str) -> 
         with closing(TcpLink(TcpAddress(host=host, port=port))) as link:
             client = PmacClient(link, RealClock())
             client.connect()
-            changes = planned(client, client.dialect, buffers)
+            changes = plan_download(client, client.dialect, buffers)
             send(client, client.dialect, changes, "text", lambda sent, of: None)
             assert differing(client, changes) == []
             assert [line.strip() for line in client.question("LIST PROG51")] == ["INCX5", "DWE20", "RET"]
@@ -142,7 +142,7 @@ def drops(server: PacedServer, link: EthernetLink) -> None:
     (host,) = [
         each
         for each in server.hosts
-        if isinstance(each, Connection) and each._transport.get_extra_info("peername") == name
+        if isinstance(each, HostConnection) and each._transport.get_extra_info("peername") == name
     ]
     server.loop.call_soon_threadsafe(host._transport.abort)
 

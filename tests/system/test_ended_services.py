@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.feed.observed import Observed
+from console.session.feed.observed_state import ObservedState
 from console.session.feed.server import FeedServer
 from console.session.program_log import FILE, FOLDER
 from console.session.station.state import Activity, StationState
@@ -59,7 +59,7 @@ def begun(name: str, *words: str, data: Path) -> Iterator[Preloaded]:
 @pytest.fixture
 def fed(tmp_path: Path) -> Iterator[Path]:
     """A data folder in which a console publishes its state."""
-    server = FeedServer(tmp_path, lambda: Observed(state=STATE, machine=MACHINE, now_s=0.0))
+    server = FeedServer(tmp_path, lambda: ObservedState(state=STATE, machine=MACHINE, now_s=0.0))
     server.launch()
     yield tmp_path
     server.close()

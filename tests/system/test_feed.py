@@ -21,8 +21,8 @@ from console.cli.feed.next_step import step_words
 from console.session.feed import server as server_module
 from console.session.feed.feed_state import read_state
 from console.session.feed.following import Follower
-from console.session.feed.observed import RUN, Observed
-from console.session.feed.place import claimed, connected, feeds
+from console.session.feed.observed_state import RUN, ObservedState
+from console.session.feed.place import claim_place, connect_feed, feeds
 from console.session.feed.report import line_of
 from console.session.feed.server import MOST_READERS, FeedServer
 from console.session.station.state import Activity, StationState
@@ -46,9 +46,9 @@ class Console:
     def __init__(self) -> None:
         self.looks = 0
 
-    def observed(self) -> Observed:
+    def observed(self) -> ObservedState:
         self.looks += 1
-        return Observed(state=STATE, machine=MACHINE, now_s=0.0, parts=self.looks)
+        return ObservedState(state=STATE, machine=MACHINE, now_s=0.0, parts=self.looks)
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ def wait_for_feed(data: Path) -> Path:
     while time.monotonic() < until_s:
         for path in feeds(data):
             try:
-                with connected(path, TIMEOUT_S) as link:
+                with connect_feed(path, TIMEOUT_S) as link:
                     lines(link, 1)
             except OSError:
                 continue
@@ -84,7 +84,7 @@ def wait_for_feed(data: Path) -> Path:
 
 def joined(data: Path, line: bytes = b"") -> socket.socket:
     (path,) = feeds(data)
-    link = connected(path, TIMEOUT_S)
+    link = connect_feed(path, TIMEOUT_S)
     if line:
         link.sendall(line)
     return link
@@ -214,7 +214,7 @@ def test_a_folder_that_cannot_have_a_feed_is_a_problem_and_no_fault(tmp_path: Pa
 
 def test_feeds_of_consoles_on_one_folder_stand_beside_each_other(data: Path) -> None:
     with ExitStack() as opened:
-        claimed(data, opened).listen()
+        claim_place(data, opened).listen()
         assert len(feeds(data)) == 2
     assert len(feeds(data)) == 1
 
@@ -232,7 +232,7 @@ def test_what_is_no_feed_is_told_and_is_no_console(tmp_path: Path) -> None:
     assert followed(tmp_path) == []
     told: list[str] = []
     with ExitStack() as opened:
-        server = claimed(tmp_path, opened)
+        server = claim_place(tmp_path, opened)
         server.listen()
         assert (followed(tmp_path, told), told) == ([], ["feed.not_one"])
 
@@ -261,7 +261,7 @@ def test_the_feed_of_a_shared_folder_is_for_its_group() -> None:
     def takes_over() -> None:
         (left,) = feeds(folder)
         with ExitStack() as opened:
-            claimed(folder, opened)
+            claim_place(folder, opened)
             assert left not in feeds(folder)
 
     with lathe_folder() as folder:
@@ -294,7 +294,7 @@ class Screens:
     """Screens whose feed shows one moment."""
 
     def __init__(self) -> None:
-        self.shown = Observed(state=StationState(), machine=lathe().machine, now_s=100.0)
+        self.shown = ObservedState(state=StationState(), machine=lathe().machine, now_s=100.0)
 
     def show(self, state: StationState, program: str = "screens") -> None:
         named = replace(state, machine=MACHINE.name)

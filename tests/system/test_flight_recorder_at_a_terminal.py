@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from console.flight.frozen import frozen_in
-from console.flight.notes import Kind
+from console.flight.frozen_recordings import frozen_in
+from console.flight.notes import NoteKind
 from console.flight.recording import Recording, read_recording
 from console.session.station.state import Activity
 from tests.terminal import Terminal
@@ -50,10 +50,10 @@ def test_a_stop_is_frozen_and_replayed(tmp_path: Path) -> None:
     assert order == sorted(order)
     stop, sent = (
         next(note.at_s for note in recording.notes if (note.kind, note.text[:1]) == wanted)
-        for wanted in ((Kind.STOP, "s"), (Kind.LINK, "!"))
+        for wanted in ((NoteKind.STOP, "s"), (NoteKind.LINK, "!"))
     )
     assert abs(stop - sent) < 0.1
-    assert {"f4", "enter"} <= {note.text for note in recording.notes if note.kind is Kind.KEY}
+    assert {"f4", "enter"} <= {note.text for note in recording.notes if note.kind is NoteKind.KEY}
     with Terminal(
         [sys.executable, "-m", "console", "replay", str(recording.path)], columns=80, rows=24
     ) as terminal:

@@ -19,7 +19,7 @@ import pytest
 
 from console.session.feed.feed_state import FeedState
 from console.session.feed.following import Follower
-from console.session.feed.place import claimed
+from console.session.feed.place import claim_place
 from console.session.feed.report import line_of
 from console.site.cli import metrics
 from console.text.catalogue import load
@@ -63,7 +63,7 @@ def publishing(data: Path, state: FeedState, *, broken: bool) -> Iterator[Callab
                 threading.Thread(target=serve, args=(listening.accept()[0],), daemon=True).start()
 
     with ExitStack() as opened:
-        listening = claimed(data, opened)
+        listening = claim_place(data, opened)
         listening.listen()
         opened.callback(over.set)
         threading.Thread(target=accept, args=(listening,), daemon=True).start()
@@ -175,9 +175,12 @@ def test_a_line_with_the_name_of_another_machine_takes_nobody_away(tmp_path: Pat
             wanted.wait(0.1)
         publish(replace(SOUND, activity="homing"))
         until_s = time.monotonic() + TIMEOUT_S
-        while all(heard.state.activity != "homing" for heard in wanted.heard()) and time.monotonic() < until_s:
+        while (
+            all(heard.state.activity != "homing" for heard in wanted.newest_states())
+            and time.monotonic() < until_s
+        ):
             wanted.wait(0.1)
-        assert [heard.state.activity for heard in wanted.heard()] == ["homing"]
+        assert [heard.state.activity for heard in wanted.newest_states()] == ["homing"]
         wanted.close()
     assert codes == ["feed.not_one"]
 

@@ -23,7 +23,7 @@ import pytest
 
 from console.text.catalogue import load
 from drivers.commissioning.backup import backup_text
-from drivers.commissioning.configuration import Configuration
+from drivers.commissioning.configuration import ControllerConfiguration
 from profiles.store import load_machine
 from tests.hostile.hostile_card import WAYS, HostileCard, Kind, hostile_card
 from tests.preloaded import Preloaded
@@ -52,7 +52,7 @@ COMMANDS = {
 }
 """All that opens a link; `calibrate` and `learn` read files, `fault` and `instruct` speak to a simulator only."""
 
-BACKED_UP = Configuration(family="pmac", kind="PMAC1", version="1.17F", settings={130: 528.0})
+BACKED_UP = ControllerConfiguration(family="pmac", kind="PMAC1", version="1.17F", settings={130: 528.0})
 
 FIRST_BYTE, IDENTIFIED, DEEP = 0, 6, 60
 """Honest lines before the first hostile one: a client is identified after four, and proven in step after six."""

@@ -18,14 +18,14 @@ import pytest
 from console.session.data.run_reader import runs, story
 from console.session.feed.feed_state import FeedState
 from console.session.feed.following import Stream
-from console.session.feed.place import connected, feeds
+from console.session.feed.place import connect_feed, feeds
 from console.session.feed.request import LEAST_HZ
-from console.session.station.owning import take_lock
+from console.session.station.machine_control import take_lock
+from drivers.lathe.console_role import NOBODY
 from drivers.lathe.ownership import OWNER_ITEM
-from drivers.lathe.standing import NOBODY
 from drivers.pmac.client import PmacClient
-from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, Watch, rest_s, rests
-from drivers.pmac.heartbeat.watchdog import Activity
+from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, MotorPoll, MotorWatch, rest_s, rests
+from drivers.pmac.heartbeat.watchdog import GuardedActivity
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.programs.setup import CutSetup, cut_setup
 from drivers.pmac.reserved import OWNER
@@ -95,14 +95,14 @@ def site(long_cut: Order) -> Iterator[Site]:
 
 
 @contextmanager
-def watching(site: Site) -> Iterator[tuple[PmacClient, Watch]]:
+def watching(site: Site) -> Iterator[tuple[PmacClient, MotorWatch]]:
     with site.card.watcher() as client:
-        yield client, Watch(client, site.card.server, client.dialect, (TOOL, SPINDLE, CARRIAGE))
+        yield client, MotorWatch(client, site.card.server, client.dialect, (TOOL, SPINDLE, CARRIAGE))
 
 
 def feed_of(site: Site) -> Stream:
     (path,) = feeds(site.order.data)
-    return Stream(path, connected(path, ENDS_WITHIN_S), LEAST_HZ, lambda _: None)
+    return Stream(path, connect_feed(path, ENDS_WITHIN_S), LEAST_HZ, lambda _: None)
 
 
 def last_state(stream: Stream) -> FeedState:
@@ -120,7 +120,7 @@ def last_lease_s(site: Site) -> float:
     return max(at_s for at_s, data in site.card.words.said if b"M70=" in data)
 
 
-def until_rest(site: Site, watch: Watch, limit_s: float = 5.0) -> list[Look]:
+def until_rest(site: Site, watch: MotorWatch, limit_s: float = 5.0) -> list[MotorPoll]:
     """Look on until everything rests and the card is about to do nothing more."""
     looks = [watch.look()]
     while not rests(looks) or looks[-1].ending:
@@ -134,17 +134,17 @@ def setup_of(site: Site) -> CutSetup:
     return cut_setup(site.order.job, site.order.machine)
 
 
-def is_out(site: Site, look: Look) -> bool:
+def is_out(site: Site, look: MotorPoll) -> bool:
     return look.positions[TOOL] < setup_of(site).surface
 
 
-def stays_out(site: Site, looks: list[Look]) -> float:
+def stays_out(site: Site, looks: list[MotorPoll]) -> float:
     """Return from when on the tool is out of the part."""
     assert is_out(site, looks[-1]), "the tool stands in the part"
     return next(look.answered_s for n, look in enumerate(looks) if all(is_out(site, later) for later in looks[n:]))
 
 
-def is_retracted_and_rests(site: Site, client: PmacClient, watch: Watch) -> None:
+def is_retracted_and_rests(site: Site, client: PmacClient, watch: MotorWatch) -> None:
     lease_s = last_lease_s(site)
     looks = until_rest(site, watch)
     rested_s = rest_s(looks)
@@ -153,7 +153,7 @@ def is_retracted_and_rests(site: Site, client: PmacClient, watch: Watch) -> None
     assert rested_s - lease_s <= REST_S
     assert looks[-1].lost and not looks[-1].running
     assert looks[-1].positions[TOOL] < setup_of(site).retracted + CLOSE_COUNTS
-    assert client.numbers("P1003", "P1004") == (Activity.NOTHING, Activity.CUT)
+    assert client.numbers("P1003", "P1004") == (GuardedActivity.NOTHING, GuardedActivity.CUT)
 
 
 @pytest.mark.parametrize("cycle_ms", [None, SLOW_MS])
@@ -210,7 +210,7 @@ def test_a_console_whose_cable_is_cut_in_a_cut_ends_by_itself_and_so_does_the_cu
     assert "the link is lost" in err and "standstill is not confirmed" in err
     with watching(site) as (client, watch):
         looks = until_rest(site, watch)
-        assert client.numbers("P1003", "P1004") == (Activity.NOTHING, Activity.CUT)
+        assert client.numbers("P1003", "P1004") == (GuardedActivity.NOTHING, GuardedActivity.CUT)
         rested_s = rest_s(looks)
     assert rested_s is not None and rested_s - began_s <= REST_S
     assert is_out(site, looks[-1])
@@ -230,7 +230,7 @@ def test_a_jog_whose_console_is_killed_ends_within_a_lease(site: Site, cycle_ms:
     assert ended_s - lease_s <= JOG_S[cycle_ms]
     with watching(site) as (client, watch):
         looks = until_rest(site, watch)
-        assert client.numbers("P1003", "P1004") == (Activity.NOTHING, Activity.JOG)
+        assert client.numbers("P1003", "P1004") == (GuardedActivity.NOTHING, GuardedActivity.JOG)
         assert looks[-1].positions[CARRIAGE] < face_counts(site) - 1000.0
     assert server.now_s() - lease_s < REST_S
 

@@ -16,7 +16,7 @@ from urllib.request import urlopen
 import pytest
 
 from console.session.data.records import FOLDER
-from console.session.feed.place import connected, feeds
+from console.session.feed.place import connect_feed, feeds
 from console.text.catalogue import load
 from profiles.problem import Problem
 from profiles.store import load_machine
@@ -142,7 +142,7 @@ WATCH = [sys.executable, "-m", "console", "watch"]
 
 def joined(data: Path, line: bytes) -> socket.socket:
     (path,) = feeds(data)
-    link = connected(path, 20.0)
+    link = connect_feed(path, 20.0)
     link.sendall(line)
     return link
 

@@ -22,7 +22,7 @@ from console.session.data.kept_files import jobs_folder
 from console.session.data.stop_records import simulated_record, store
 from console.session.data.trace_folder import trace_folder
 from drivers.pmac.dialect import DIALECTS
-from drivers.simulator.hosts.connection import Connection, PlainStream
+from drivers.simulator.hosts.connection import HostConnection, PlainStream
 from drivers.simulator.hosts.real_time import Host, keep_time, patient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
@@ -56,7 +56,7 @@ class Heard:
         return min(self.at_s.values(), default=None)
 
 
-class HeardConnection(Connection):
+class HeardConnection(HostConnection):
     """A host for which the lathe waits while the computer is busy, as behind `console --sim`."""
 
     def __init__(self, lathe: SimulatedLathe, hosts: set[Host], heard: Heard) -> None:

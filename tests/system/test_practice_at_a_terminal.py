@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from console.flight.frozen import frozen_in
+from console.flight.frozen_recordings import frozen_in
 from profiles.store import load_job
 from tests.compact import save_compact
 from tests.terminal import Terminal

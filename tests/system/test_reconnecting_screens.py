@@ -19,7 +19,7 @@ from typing import Self
 import pytest
 
 from console.session.data.run_reader import runs
-from console.session.data.run_rows import How
+from console.session.data.run_rows import RunOutcome
 from console.session.data.stop_records import simulated_record, store
 from drivers.pmac.dialect import DIALECTS
 from profiles.store import load_machine
@@ -241,4 +241,4 @@ def test_a_line_that_is_cut_in_mid_cut(serve: Serve, tmp_path: Path) -> None:
         trainee.press("backspace", "f2")
         trainee.sees("activity.ready", 5.0)
         (run,) = runs(lathe.data, limit=5)
-        assert run.ended.how is How.STOPPED and run.ended.reason == "link.closed" and run.failed
+        assert run.ended.how is RunOutcome.STOPPED and run.ended.reason == "link.closed" and run.failed

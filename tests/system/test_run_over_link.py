@@ -19,9 +19,9 @@ from console.session.station.state import StationState
 from drivers.clock import RealClock
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.errors import DriverError, RefusedError
+from drivers.lathe.console_role import NOBODY
 from drivers.lathe.ownership import OWNER_ITEM
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.standing import NOBODY
 from drivers.lathe.stop import StoppedError
 from drivers.link.address import TcpAddress
 from drivers.link.opening import open_link

@@ -12,11 +12,11 @@ import pytest
 from textual import events
 from textual.message import Message
 
-from console.tui.application.scan_collector import Collector
+from console.tui.application.scan_collector import ScanCollector
 from console.tui.driver import Reader, StopDriver
-from console.tui.gate import FieldKind, Situation
+from console.tui.gate import FieldKind, KeySituation
 from console.tui.keymap import PageName
-from console.tui.pace import Pace
+from console.tui.pace import KeyPace
 from tests.terminal import KEYS
 from tests.trainee import Trainee, console, console_at
 from tests.tui.stage import answered_age
@@ -266,9 +266,9 @@ class Frozen:
 
     def __init__(self, *, moving: bool = False) -> None:
         self.happened: list[str] = []
-        self.now = Situation(page=PageName.SETUP, field=FieldKind.NUMBER, moving=moving)
+        self.now = KeySituation(page=PageName.SETUP, field=FieldKind.NUMBER, moving=moving)
 
-    def situation(self) -> Situation:
+    def situation(self) -> KeySituation:
         return self.now
 
     def stop_now(self, key: str) -> None:
@@ -284,8 +284,8 @@ class LoopBehind(StopDriver):
     def __init__(self, app: Frozen) -> None:
         self._app = app  # type: ignore[assignment]
         self.cursor_origin = None
-        self._pace = Pace()
-        self._codes = Collector()
+        self._pace = KeyPace()
+        self._codes = ScanCollector()
         self._stopped_s = float("-inf")
         self.age, self._drops = answered_age(), False
 
@@ -315,7 +315,7 @@ def test_a_key_that_means_nothing_stops_before_it_is_queued_and_is_not_held_back
 class Broken(Frozen):
     """An application that cannot tell what a key means now."""
 
-    def situation(self) -> Situation:
+    def situation(self) -> KeySituation:
         raise RuntimeError
 
 

@@ -21,7 +21,7 @@ import pytest
 
 import profiles.store
 from console.session.program_log import FILE, FOLDER
-from drivers.lathe.standing import NOBODY
+from drivers.lathe.console_role import NOBODY
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind

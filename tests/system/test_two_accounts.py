@@ -17,18 +17,18 @@ import pytest
 from console.__main__ import main
 from console.cli.library import data_of
 from console.cli.machine.data_folder_checks import data_folder_checks
-from console.flight.frozen import frozen_in
+from console.flight.frozen_recordings import frozen_in
 from console.flight.recording import read_recording
 from console.session.data import calibrations, learned_store, stop_records
 from console.session.data.controller_backups import backups_of
 from console.session.data.history import last_results
-from console.session.data.identified import kept_responses
+from console.session.data.identified_responses import kept_responses
 from console.session.data.kept_files import jobs_folder, require_open
 from console.session.data.records import RunRecord, killed_runs
-from console.session.data.trace_folder import offered
+from console.session.data.trace_folder import list_trace_files
 from console.session.errors import SessionError
-from console.session.station.owning import take_lock
-from console.session.work import opened, saved_as
+from console.session.station.machine_control import take_lock
+from console.session.work import open_work, saved_as
 from console.tui.controller.watching import WatchTable, read_watch, watch_path
 from console.tui.further.scope import records_of
 from drivers.cutting.strategy import Strategy
@@ -56,7 +56,7 @@ def data() -> Iterator[Path]:
 
 def works(data: Path, number: int) -> None:
     """A day at the lathe: a job, a version, a calibration, a stop record, a measured part."""
-    saved_as(opened(load_job(EXPERIMENT), load_machine(MACHINE.name)), f"mine-{number}", jobs_folder(data))
+    saved_as(open_work(load_job(EXPERIMENT), load_machine(MACHINE.name)), f"mine-{number}", jobs_folder(data))
     learned_store.store(data, replace(LEARNED, version=number))
     calibrations.store(data, CALIBRATION)
     stop_records.store(data, MACHINE, STOPS)
@@ -225,7 +225,7 @@ def test_a_folder_that_is_closed_while_the_console_runs_is_said_not_taken_for_em
         "watch": lambda: read_watch(watch_path(data, machine.name)),
         "identified": lambda: kept_responses(data, machine, Strategy.PVT),
         "jobs": lambda: require_open(jobs_folder(data)),
-        "traces": lambda: offered(data / "traces"),
+        "traces": lambda: list_trace_files(data / "traces"),
     }
 
     def makes() -> None:

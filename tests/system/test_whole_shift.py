@@ -20,7 +20,7 @@ import pytest
 
 from console.session.data.kept_files import jobs_folder
 from console.session.data.run_reader import runs
-from console.session.data.run_rows import How
+from console.session.data.run_rows import RunOutcome
 from console.session.data.stop_records import simulated_record, store
 from drivers.pmac.dialect import DIALECTS
 from profiles.lobe.lobe_origin import without_lobe
@@ -175,5 +175,5 @@ def test_a_shift_of_three_jobs(language: str, columns: int, rows: int, tmp_path:
         shift.operator.press("ctrl+q")
         assert shift.operator.terminal.wait_exit(20.0) == 0
     found = runs(tmp_path, limit=10 * PARTS)
-    assert sum(run.ended.how is How.DONE for run in found) == each * len(JOBS)
-    assert sum(run.ended.how is How.STOPPED for run in found) == 2
+    assert sum(run.ended.how is RunOutcome.DONE for run in found) == each * len(JOBS)
+    assert sum(run.ended.how is RunOutcome.STOPPED for run in found) == 2

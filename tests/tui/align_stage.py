@@ -68,9 +68,9 @@ def later(now: StationState, *presses: tuple[float, str]) -> Pressed:
     page = AlignPage(ui)
     for after_s, action in presses:
         control.at(100.0 + after_s)
-        ui.said = ()
+        ui.key_answer = ()
         page.act(action)
-    return Pressed(orders=control.orders, said=[problem.code for problem in ui.said])
+    return Pressed(orders=control.orders, said=[problem.code for problem in ui.key_answer])
 
 
 IN_PART = look(carriage_mm=172.0)

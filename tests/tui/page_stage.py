@@ -89,7 +89,7 @@ def shown_on(
         next_step="".join(words for words, _ in page.next_step(view)),
         orders=control.orders,
         stops=control.stops,
-        said=[problem.code for problem in ui.said],
+        said=[problem.code for problem in ui.key_answer],
     )
 
 
@@ -112,7 +112,7 @@ def shown_in_turn(
         async with app.run_test(size=(size[0], size[1] - FRAME_ROWS)) as pilot:
             for name, now in states.items():
                 page.leave()
-                control.state, control.orders, ui.said = now, [], ()
+                control.state, control.orders, ui.key_answer = now, [], ()
                 view = View(state=now, work=job, now_s=100.0)
                 page.show(view)
                 await pilot.pause()
@@ -130,7 +130,7 @@ def shown_in_turn(
 
 
 def _codes(ui: UiContext) -> list[str]:
-    return [problem.code for problem in ui.said]
+    return [problem.code for problem in ui.key_answer]
 
 
 def too_wide(shown: Mapping[str, Shown], size: tuple[int, int], texts: str) -> list[str]:
@@ -182,7 +182,7 @@ class PageScene:
 
     @property
     def codes(self) -> list[str]:
-        return [problem.code for problem in self.ui.said]
+        return [problem.code for problem in self.ui.key_answer]
 
     @property
     def next_step(self) -> str:

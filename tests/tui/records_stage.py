@@ -17,12 +17,12 @@ from console.session.data import run_log
 from console.session.data.calibrations import FOLDER as CALIBRATIONS
 from console.session.data.calibrations import Calibration, store
 from console.session.data.records import RunRecord
-from console.session.learning.chuck_calibrating import chuck_calibration, fitted, keep_chuck
+from console.session.learning.chuck_calibrating import chuck_calibration, fit_chuck_table, keep_chuck
 from console.session.stages import Stage
 from console.tui.further.scope import FOLDER as SCOPE_RECORDS
 from console.tui.further.scope import record_text
 from console.tui.pages.records import RecordsPage
-from drivers.requests.scope_gather import ANGLE, Axis, Channel, Quantity, Record, Trigger
+from drivers.requests.scope_gather import ANGLE, Channel, MotorRegister, ScopeAxis, ScopeRecord, ScopeTrigger
 from profiles.calibration.table import parse_table
 from profiles.job import Job
 from profiles.store import job_text
@@ -71,7 +71,7 @@ def described(job: Job, **changes: Any) -> dict[str, object]:
         "compensation": None,
         "operator": "kim",
         "tolerance_um": job.roundness_tolerance_um,
-        "setup": run_log.shown(
+        "setup": run_log.event_json(
             {"force_n": 1314.0, "jaw_1_deg": 12.63, "jaw_1_at": "2 Jan 08:45", "zero_radius_mm": 76.013}
         ),
         **changes,
@@ -150,7 +150,7 @@ chucking_force_n;load_n;angle_deg;diameter_mm;overhang_mm;deflection_um
 def keep_wrench(data: Path, table: str = WRENCH, *, date: str, file: str = TABLE, chuck: str = "") -> Path:
     """Keep a calibration of the wrench with a date."""
     measured = parse_table(table.encode())
-    made = chuck_calibration(lathe(), measured, fitted(measured, lathe().machine), file)
+    made = chuck_calibration(lathe(), measured, fit_chuck_table(measured, lathe().machine), file)
     return keep_chuck(data, replace(made, date=date, chuck=chuck or made.chuck), lathe())
 
 
@@ -184,12 +184,13 @@ def fill_calibrations(data: Path) -> None:
 
 SCOPE_NAME = "lee-2001-lathe-20260102T085000.000Z.csv"
 COMMANDED, ACTUAL, ERROR = (
-    Channel(Axis.TOOL, quantity) for quantity in (Quantity.COMMANDED, Quantity.ACTUAL, Quantity.FOLLOWING_ERROR)
+    Channel(ScopeAxis.TOOL, quantity)
+    for quantity in (MotorRegister.COMMANDED, MotorRegister.ACTUAL, MotorRegister.FOLLOWING_ERROR)
 )
 AMPLITUDE_M, ERROR_M, OMEGA = 27.5e-6, 3e-6, 2.0 * np.pi * 10.0
 
 
-def scope_record(seconds: float = 0.5, step_s: float = 0.001) -> Record:
+def scope_record(seconds: float = 0.5, step_s: float = 0.001) -> ScopeRecord:
     """Ten turns a second; the error is a third of its size in every other turn."""
     times = np.arange(0.0, seconds, step_s)
     angle = OMEGA * times
@@ -197,10 +198,10 @@ def scope_record(seconds: float = 0.5, step_s: float = 0.001) -> Record:
     error = ERROR_M * np.sin(3.0 * angle) * np.where(turn % 2 == 0, 1.0, 1.0 / 3.0)
     commanded = 0.02 + AMPLITUDE_M * np.cos(3.0 * angle)
     values = {COMMANDED: commanded, ACTUAL: commanded - error, ERROR: error, ANGLE: angle}
-    return Record(
+    return ScopeRecord(
         machine="lee-2001-lathe",
         taken="2026-01-02T08:50:00+00:00",
-        trigger=Trigger.NOW,
+        trigger=ScopeTrigger.NOW,
         times_s=times,
         values=values,
     )

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from console.session.cut.alignment import Alignment
-from console.session.cut.telemetry import CutFigures, Phase, SpindleRipple
+from console.session.cut.telemetry import CutFigures, PhaseLag, SpindleRipple
 from console.session.data.measured_part import MadeWith
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
-from console.session.station.state import Activity, Armed, StationState, StopState, TouchedBlank
+from console.session.station.state import Activity, ArmedCut, StationState, StopState, TouchedBlank
 from console.session.work import Work
 from console.tui.pages.run import RunPage
 from console.tui.ui_context import View
@@ -84,7 +84,7 @@ def cut(stage: CutStage = CutStage.CUT, **changes: Any) -> CutProgress:
         "tool_error_um": -0.6,
         "tool_error_peak_um": 1.4,
         "following_error_um": 12.3,
-        "phase": Phase(error_deg=0.08, within_deg=0.05),
+        "phase": PhaseLag(error_deg=0.08, within_deg=0.05),
         "phase_limit_deg": 1.39,
         "synchronisation": Synchronisation.IN_SYNC,
         "ripple": SpindleRipple(1.18, 0.57),
@@ -105,11 +105,11 @@ def stopped(**changes: Any) -> StationState:
 
 
 @cache
-def armed() -> Armed:
+def armed() -> ArmedCut:
     """Experiment 1 armed by cubics, 8.4 s before it ends; its plan is found once for all processes."""
     work = experiment()
     plan = once("armed plan", lambda: plan_cut(work.job, work.machine.machine, Strategy.PVT))
-    return Armed(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=VALID, until_s=108.4, made=MADE)
+    return ArmedCut(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=VALID, until_s=108.4, made=MADE)
 
 
 CUT_IN_PART: dict[str, Any] = {"touched": TouchedBlank(to_mm=4.21, of_mm=8.0), "marks_mm": (4.23,)}
@@ -135,7 +135,7 @@ STATES = {
     "held": state(cut=cut(CutStage.HELD)),
     "queued": cutting(stage=CutStage.RUN_UP, phase=None, synchronisation=Synchronisation.QUEUED),
     "waiting": cutting(stage=CutStage.RUN_UP, phase=None, synchronisation=Synchronisation.WAITING),
-    "sync lost": cutting(phase=Phase(error_deg=-1.7, within_deg=0.05), synchronisation=Synchronisation.LOST),
+    "sync lost": cutting(phase=PhaseLag(error_deg=-1.7, within_deg=0.05), synchronisation=Synchronisation.LOST),
     "guarded": replace(cutting(), snapshot=replace(look(running=True), inputs=GUARDS)),
     "guards open": state(snapshot=replace(look(), inputs=dict.fromkeys(GUARDS, False))),
     "going to the start": state(

@@ -20,21 +20,21 @@ from textual.pilot import Pilot
 from console.session.appearance import Appearance
 from console.session.configuration import Configuration
 from console.session.cut.alignment import Alignment, JawAngle, TouchOff, aligned_job, clamping_of
-from console.session.cut.telemetry import Phase, SpindleRipple
+from console.session.cut.telemetry import PhaseLag, SpindleRipple
 from console.session.data import records
 from console.session.data.kept_files import jobs_folder
 from console.session.data.measured_part import MadeWith
 from console.session.data.record_file import FILE_NAME
 from console.session.learning.learning_steps import learn_from_part
 from console.session.learning.part_learning import PartLearning
-from console.session.station.alarms import FAULT, Alarms, Priority, cleared, raised
-from console.session.station.alarms import seen as seen_alarms
+from console.session.station.alarms import FAULT, Alarms, Priority, clear_alarms, raise_alarm
+from console.session.station.alarms import acknowledge_shown_alarms as seen_alarms
 from console.session.station.commands import Command
 from console.session.station.history.alarm_history import Instant
 from console.session.station.history.session_log import SessionLog, command_entry, with_state
 from console.session.station.progress import AxisToGo, CutPhase, CutProgress, CutStage, PhaseLeft, Synchronisation
 from console.session.station.state import Activity, MeasuredPart, StationState
-from console.session.work import Work, edited
+from console.session.work import Work, edit_field
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.controller import errand
@@ -43,7 +43,7 @@ from console.tui.pages import job_shelf as shelf
 from console.tui.pages import jobs
 from console.tui.records import background_reader
 from console.tui.theme import COLOUR, Palette
-from drivers.cutting.bounds import Adjusted, Bounds
+from drivers.cutting.bounds import Bounds, CutAdjustment
 from drivers.cutting.planning import Strategy
 from drivers.cutting.program_reports import ProgramPlace
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
@@ -103,7 +103,7 @@ def scene_of(page: PageName) -> Scene:
             return Scene(page=page, state=machine(Activity.READY))
         case PageName.SETUP:
             # Another force than that of the lobe error, which is a warning; a comma that may mean thousands.
-            work, keys = edited(signed(), "chucking_force_n", "1400"), (*["down"] * 8, "enter", *"1,200")
+            work, keys = edit_field(signed(), "chucking_force_n", "1400"), (*["down"] * 8, "enter", *"1,200")
             return Scene(page=page, state=machine(Activity.READY), work=work, keys=keys)
         case PageName.PREVIEW:
             return Scene(page=page, state=machine(Activity.READY), work=signed())
@@ -154,13 +154,13 @@ def alarmed() -> tuple[Alarms, SessionLog]:
     """Three alarms that stand, each in another state, the first of a group among them; and one that is over."""
     ready = machine(Activity.READY)
     fault = Problem(code=FAULT, key="poll", value="tool: amplifier_fault, tool: fatal_following_error")
-    log, alarms = SessionLog(), raised((), Problem(code="cut.spindle_stands"), Priority.MEDIUM, 20.0)
+    log, alarms = SessionLog(), raise_alarm((), Problem(code="cut.spindle_stands"), Priority.MEDIUM, 20.0)
     stands = alarms
-    alarms = raised(alarms, fault, Priority.HIGH, 41.0)
-    alarms = raised(alarms, Problem(code="stops.connection_lost"), Priority.HIGH, 42.5)
-    alarms = raised(alarms, Problem(code="record.lost", value="disk full"), Priority.LOW, 60.0)
-    acked = cleared(seen_alarms(alarms, (alarms[0].problem, alarms[3].problem)), "cut.spindle_stands")
-    last = raised(cleared(acked, "stops.connection_lost"), fault, Priority.HIGH, 80.0)
+    alarms = raise_alarm(alarms, fault, Priority.HIGH, 41.0)
+    alarms = raise_alarm(alarms, Problem(code="stops.connection_lost"), Priority.HIGH, 42.5)
+    alarms = raise_alarm(alarms, Problem(code="record.lost", value="disk full"), Priority.LOW, 60.0)
+    acked = clear_alarms(seen_alarms(alarms, (alarms[0].problem, alarms[3].problem)), "cut.spindle_stands")
+    last = raise_alarm(clear_alarms(acked, "stops.connection_lost"), fault, Priority.HIGH, 80.0)
     for now_s, now in ((20.0, stands), (60.0, alarms), (70.0, acked), (90.0, last)):
         clock = CLOCK - timedelta(seconds=NOW_S - now_s)
         log = log.with_entries(command_entry("Acknowledge", taken=True, at=clock)) if now is acked else log
@@ -214,7 +214,7 @@ def cut() -> CutProgress:
         tool_error_um=-0.587,
         tool_error_peak_um=1.423,
         following_error_um=12.34,
-        phase=Phase(error_deg=0.083, within_deg=0.05),
+        phase=PhaseLag(error_deg=0.083, within_deg=0.05),
         phase_limit_deg=1.389,
         synchronisation=Synchronisation.IN_SYNC,
         ripple=SpindleRipple(1.183, 0.568),
@@ -223,7 +223,7 @@ def cut() -> CutProgress:
         phases=(PhaseLeft(CutPhase.CUT, 4.6), PhaseLeft(CutPhase.RETRACT, 0.41), PhaseLeft(CutPhase.HOME, 0.83)),
         to_go=(AxisToGo(AxisName.CARRIAGE, 3.84),),
         place=ProgramPlace(program=2, text="X(P11+P12*P55*COS(P27)):(-P15*P55*SIN(P27))", line=31, lines=66),
-        adjusted=Adjusted(bounds=Bounds(low_percent=95, high_percent=105, gain_percent=10, phase_deg=5.0)),
+        adjusted=CutAdjustment(bounds=Bounds(low_percent=95, high_percent=105, gain_percent=10, phase_deg=5.0)),
     )
 
 
@@ -432,7 +432,7 @@ class Pressed:
 
     @property
     def said(self) -> list[str]:
-        return [problem.code for problem in self.app.ui.said]
+        return [problem.code for problem in self.app.ui.key_answer]
 
 
 def pressed(
@@ -447,7 +447,7 @@ def pressed(
                 control.at(100.0 + after_s)
                 await pilot.press(key)
                 await pilot.pause()
-                answers.append(" ".join(problem.code for problem in app.ui.said))
+                answers.append(" ".join(problem.code for problem in app.ui.key_answer))
             if settles_s:
                 control.at(control.now_s() + settles_s)
                 app.tick()

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from drivers.link.memory import MemoryLink
 from drivers.link.passing import TappedLink
 from drivers.pmac.client import PmacClient
-from drivers.requests.side_line import Asked, CancelledError, Heard, Lines, Moment, SideLine
+from drivers.requests.side_line import CancelledError, Lines, LineTraffic, RequestConditions, SideLine, SideRequest
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 
@@ -19,14 +19,14 @@ class DirectSide(SideLine):
     def __init__(self, machine: MachineProfile) -> None:
         self.sim = SimulatedLathe(machine)
         plain = MemoryLink(self.sim.connect(), self.sim)
-        heard = Heard(self.sim.now_s)
+        heard = LineTraffic(self.sim.now_s)
         self.client = PmacClient(TappedLink(plain, heard.tap), self.sim)
         super().__init__(self.client, self.sim, heard)
         self.client.connect()
-        self.moment = Moment(at_rest=True, controls=True)
+        self.moment = RequestConditions(at_rest=True, controls=True)
         self._one = threading.Lock()
 
-    def ask(self, asked: Asked, cancelled: Callable[[], bool] = lambda: False) -> Lines:
+    def ask(self, asked: SideRequest, cancelled: Callable[[], bool] = lambda: False) -> Lines:
         """Ask at once."""
         if cancelled():
             raise CancelledError

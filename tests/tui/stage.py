@@ -12,7 +12,7 @@ from textual.app import App, ComposeResult
 from console.session.dated_input import ROW, InputAge
 from console.session.station.commands import Command, Jog, NoteJog
 from console.session.station.state import StationState
-from console.session.work import Work, opened
+from console.session.work import Work, open_work
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.page import Page
@@ -32,8 +32,8 @@ EXPERIMENT = "lee-2001-experiment-1"
 def answered_age() -> InputAge:
     """The age of what comes from a terminal that has just answered."""
     age = InputAge()
-    age.asked(1, boot_s())
-    age.answered(ROW, 1, boot_s())
+    age.note_question(1, boot_s())
+    age.take_cursor_report(ROW, 1, boot_s())
     return age
 
 
@@ -85,7 +85,7 @@ def lathe() -> LoadedMachine:
 @cache
 def experiment() -> Work:
     """Experiment 1 of the paper, as it is saved, on its machine."""
-    return opened(load_job(EXPERIMENT), lathe())
+    return open_work(load_job(EXPERIMENT), lathe())
 
 
 def ui_for(control: FixedControl, data: Path, language: str = "en", work: Work | None = None) -> UiContext:

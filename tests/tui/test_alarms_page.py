@@ -10,7 +10,15 @@ import pytest
 from textual.pilot import Pilot
 
 from console.session.appearance import Appearance
-from console.session.station.alarms import CONDITIONS, FAULT, Alarms, Priority, acknowledged, cleared, raised
+from console.session.station.alarms import (
+    CONDITIONS,
+    FAULT,
+    Alarms,
+    Priority,
+    acknowledge_alarms,
+    clear_alarms,
+    raise_alarm,
+)
 from console.session.station.commands import Acknowledge, Home, Jog
 from console.session.station.history.session_log import LOG_MOST, LogKind
 from console.session.station.state import Activity, StationState, StopState
@@ -20,7 +28,7 @@ from console.tui.application.bell import APART_S, Bell
 from console.tui.application.lost_lines import lost_step
 from console.tui.glossary import TERMS, glossary_lines
 from console.tui.keymap import PageName
-from console.tui.lines import plain, width_of
+from console.tui.lines import plain_text, width_of
 from drivers.lathe.snapshot import AxisName
 from profiles.problem import Problem
 from profiles.words.sentences import entries_in
@@ -54,7 +62,7 @@ async def text_after(app: ConsoleApp, pilot: Pilot[None], *keys: str) -> str:
 
 async def test_k_acknowledges_the_selected_alarm_and_the_foremost_again_after_it(tmp_path: Path) -> None:
     async with play(scene_of(PageName.ALARMS), tmp_path) as (app, pilot, control):
-        front, second, *_ = app.ui.log.alarms.listed
+        front, second, *_ = app.ui.log.alarms.list_entries
         await pilot.press("down", "k")
         assert control.orders[-1] == Acknowledge(shown=(second.problem,))
         await pilot.press("up", "ㅏ")
@@ -69,7 +77,7 @@ async def test_what_has_ended_is_gone_when_it_is_acknowledged_and_stays_among_th
     tmp_path: Path,
 ) -> None:
     async with play(QUIET, tmp_path) as (app, pilot, control):
-        alarm = raised((), SPINDLE, Priority.HIGH, 90.0)
+        alarm = raise_alarm((), SPINDLE, Priority.HIGH, 90.0)
         for alarms, word in ((alarm, "new"), ((replace(alarm[0], active=False),), "returned"), ((), "over")):
             control.state = replace(control.state, alarms=alarms)
             shown = await text_after(app, pilot, "home")
@@ -83,8 +91,8 @@ async def test_the_selection_stays_on_its_alarm_while_others_come(tmp_path: Path
     async with play(scene_of(PageName.ALARMS), tmp_path) as (app, pilot, control):
         before = await text_after(app, pilot, "down")
         assert "No. 3 " in before
-        alarms = raised(control.state.alarms, SPINDLE, Priority.HIGH, 99.0)
-        control.state = replace(control.state, alarms=raised(alarms, POLL, Priority.HIGH, 99.5))
+        alarms = raise_alarm(control.state.alarms, SPINDLE, Priority.HIGH, 99.0)
+        control.state = replace(control.state, alarms=raise_alarm(alarms, POLL, Priority.HIGH, 99.5))
         after = await text_after(app, pilot)
         assert "▸!!!    3 " in after
         assert "No. 3 " in after
@@ -104,7 +112,7 @@ async def test_each_priority_has_a_sign_and_a_word_and_no_key_breaks_an_empty_pa
             (Priority.LOW, "!", "low"),
         ):
             problem = Problem(code="cut.spindle_stands", value=word)
-            control.state = replace(control.state, alarms=raised((), problem, priority, 90.0))
+            control.state = replace(control.state, alarms=raise_alarm((), problem, priority, 90.0))
             shown = await text_after(app, pilot, "home")
             assert re.search(rf"▸{re.escape(sign)} +\d ", shown), shown
             assert f"{word} priority" in shown
@@ -118,7 +126,7 @@ async def test_every_alarm_is_said_in_words_and_whole(language: str, tmp_path: P
         for code in sorted(CONDITIONS):
             value = "tool: amplifier_fault, spindle: fatal_following_error" if code == FAULT else "3"
             problem = Problem(code=code, value=value, key="rest" if code == FAULT else "")
-            control.state = replace(control.state, alarms=raised((), problem, Priority.HIGH, 90.0))
+            control.state = replace(control.state, alarms=raise_alarm((), problem, Priority.HIGH, 90.0))
             shown = await text_after(app, pilot)
             panel = shown[shown.index("╰") :]
             assert IDENTIFIER.findall(panel) == [], panel
@@ -184,7 +192,7 @@ async def test_what_was_typed_in_free_text_is_not_in_the_log(tmp_path: Path) -> 
     async with play(scene, tmp_path) as (app, pilot, _):
         await pilot.press("s", *["backspace"] * 40, *"geheim", "slash", *"x", "enter")
         await settle(app, pilot)
-        assert any("geheim" in problem.value for problem in app.ui.said), app.ui.said
+        assert any("geheim" in problem.value for problem in app.ui.key_answer), app.ui.key_answer
         logged = [entry for entry in app.ui.log.entries if entry.problem is not None]
         assert logged
         assert "geheim" not in repr(app.ui.log.entries)
@@ -224,9 +232,9 @@ async def test_a_search_shows_what_was_found_and_an_empty_one_everything(tmp_pat
         assert "No entry has these words." in await text_after(app, pilot, "slash", *"xyzzy", "enter")
         shown = await text_after(app, pilot, "slash", *["backspace"] * 20, "enter")
         assert "Log of this session (10)" in shown and "no. 2" in shown
-        assert [problem.code for problem in app.ui.said] == []
+        assert [problem.code for problem in app.ui.key_answer] == []
         await pilot.press("enter")
-        assert [problem.code for problem in app.ui.said] == ["screen.log_no_entry"]
+        assert [problem.code for problem in app.ui.key_answer] == ["screen.log_no_entry"]
         assert (control.stops, control.kills) == ([], [])
 
 
@@ -235,7 +243,7 @@ async def test_an_export_is_a_text_file_with_every_entry_and_can_be_refused(tmp_
         before = app.ui.log.entries
         await text_after(app, pilot, "slash", *"disk", "enter", "x")
         (path,) = (tmp_path / "logs").iterdir()
-        assert str(path) in app.ui.said[0].value and path.stat().st_mode & 0o077 == 0
+        assert str(path) in app.ui.key_answer[0].value and path.stat().st_mode & 0o077 == 0
         title, blank, *rows = path.read_text(encoding="utf-8").splitlines()
         assert not blank and title.startswith("Log of machine lee-2001-lathe, exported ")
         assert len(rows) == len(before), "an entry is one line, whatever is in it"
@@ -244,7 +252,7 @@ async def test_an_export_is_a_text_file_with_every_entry_and_can_be_refused(tmp_
         (tmp_path / "logs").rmdir()
         (tmp_path / "logs").write_text("a file in its place")
         await text_after(app, pilot, "x")
-        assert [problem.code for problem in app.ui.said] == ["file.not_writable"]
+        assert [problem.code for problem in app.ui.key_answer] == ["file.not_writable"]
 
 
 async def test_it_is_one_of_the_pages_of_more_too(tmp_path: Path) -> None:
@@ -263,19 +271,19 @@ RESET, HEARTBEAT = Problem(code="controller.was_reset"), Problem(code="heartbeat
 
 def high(alarms: Alarms, *problems: Problem) -> Alarms:
     for problem in problems:
-        alarms = raised(alarms, problem, Priority.HIGH, 0.0)
+        alarms = raise_alarm(alarms, problem, Priority.HIGH, 0.0)
     return alarms
 
 
 def test_each_new_alarm_of_high_priority_rings_once_and_a_flood_rarely() -> None:
     bell, first, both = Bell(), high((), RESET), high((), RESET, HEARTBEAT)
     assert not bell.rings((), 0.0)
-    assert not bell.rings(raised((), RESET, Priority.MEDIUM, 0.0), 0.0)
+    assert not bell.rings(raise_alarm((), RESET, Priority.MEDIUM, 0.0), 0.0)
     assert [bell.rings(first, 0.1 * n) for n in range(100)] == [True] + [False] * 99
-    assert not bell.rings(acknowledged(first), 10.0)
-    assert bell.rings(high(acknowledged(first), RESET), 20.0), "it came again"
+    assert not bell.rings(acknowledge_alarms(first), 10.0)
+    assert bell.rings(high(acknowledge_alarms(first), RESET), 20.0), "it came again"
     assert not bell.rings(both, 20.0 + 0.9 * APART_S)
-    assert bell.rings(high(cleared(both, RESET.code), RESET), 20.0 + 1.1 * APART_S)
+    assert bell.rings(high(clear_alarms(both, RESET.code), RESET), 20.0 + 1.1 * APART_S)
     flood = Bell()
     many = [high((), *(Problem(code=f"a.{n}") for n in range(m))) for m in range(1, 101)]
     assert sum(flood.rings(each, 0.1 * n) for n, each in enumerate(many)) == 2
@@ -293,7 +301,7 @@ def rung(data: Path, appearance: Appearance) -> tuple[list[str], str]:
             now[0] = "answer"
             await pilot.press("pageup")
             app.tick()
-            assert app.ui.said
+            assert app.ui.key_answer
             now[0] = "alarm"
             control.state = replace(control.state, alarms=high((), RESET))
             app.tick()
@@ -326,7 +334,9 @@ def test_switched_off_it_is_silent_and_says_so(tmp_path: Path, language: str) ->
 def lost(code: str, *, stopped: bool) -> StationState:
     """Return the moment after a poll failed: nothing is known yet of how long it lasts."""
     stop = StopState(reason=code, killed=False, sent_s=99.0, delivered=False) if stopped else None
-    return state(activity=Activity.LOST, stop=stop, alarms=raised((), Problem(code=code), Priority.HIGH, 99.0))
+    return state(
+        activity=Activity.LOST, stop=stop, alarms=raise_alarm((), Problem(code=code), Priority.HIGH, 99.0)
+    )
 
 
 @pytest.mark.parametrize("code", ["link.silent", "link.not_in_step"])
@@ -379,7 +389,7 @@ def test_every_term_stands_on_its_page_and_is_explained_in_one_line(page: PageNa
     assert len(rows) == len(TERMS[page]) + 3, "one line each, between the title and the last row"
     for term, row in zip(TERMS[page], rows[1:], strict=False):
         assert text(f"term.{term}").casefold() in shown, term
-        assert plain([row]).startswith(text(f"term.{term}")) and text(f"glossary.{term}") in plain([row])
+        assert plain_text([row]).startswith(text(f"term.{term}")) and text(f"glossary.{term}") in plain_text([row])
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

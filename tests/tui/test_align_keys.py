@@ -255,7 +255,7 @@ def test_after_a_stop_the_jog_keys_want_to_be_enabled_again() -> None:
     page.act("align.enable")
     control.state = state(stops=1)
     page.act("align.tail")
-    assert (control.orders, [problem.code for problem in ui.said]) == ([], ["screen.jog_not_enabled"])
+    assert (control.orders, [problem.code for problem in ui.key_answer]) == ([], ["screen.jog_not_enabled"])
 
 
 async def test_while_it_moves_the_time_of_the_jog_is_whole() -> None:
@@ -321,7 +321,7 @@ def test_a_held_key_is_one_step_and_another_stops() -> None:
     page.act("align.tail")
     assert (len(control.orders), control.stops) == (1, [])
     page.act("align.chuck")
-    assert ui.said[0].code == "screen.key_in_motion"
+    assert ui.key_answer[0].code == "screen.key_in_motion"
     page.act("align.larger")
     page.act("align.off")
     assert control.stops == ["change ←", "change +", "change F3"]

@@ -12,10 +12,10 @@ from console.session.cut.alignment import Alignment
 from console.session.station.commands import GoTo
 from console.session.station.jogging import Steps
 from console.session.station.state import Activity, StationState, StopState
-from console.session.work import edited
+from console.session.work import edit_field
 from console.text.catalogue import load
 from console.tui.keymap import PageName
-from console.tui.lines import plain
+from console.tui.lines import plain_text
 from console.tui.pages.align import AlignPage
 from console.tui.pages.jog_lines import JogView, jaw_words, jog_lines, jog_panel
 from console.tui.ui_context import View
@@ -139,7 +139,7 @@ def test_another_chuck_or_diameter_is_not_ticked(changes: dict[str, str], step: 
     """Experiment 1 was aligned; a job with other jaws or another diameter is opened."""
     other = experiment()
     for key, value in changes.items():
-        other = edited(other, key, value)
+        other = edit_field(other, key, value)
     page = shown(state(VALID), work=other)
     assert "Alignment: not valid" in page.text
     assert "● 2 clamped" in page.text and step in page.text
@@ -226,7 +226,7 @@ def test_which_arrow_moves_which_way_is_the_last_that_goes(simulated: bool, lang
     for height in range(3, len(every) + 1):
         rows, mark = jog_panel(text, jog, 45, height)
         assert len(rows) <= height
-        shown_words = plain(rows)
+        shown_words = plain_text(rows)
         for arrow in ("↑", "↓", "←", "→", "PgUp"):
             assert arrow in shown_words, (height, arrow)
         assert bool(mark) is (set(filter(None, every)) - set(rows) != set())
@@ -332,7 +332,7 @@ def typed(data: Path, *keys: str, now: StationState = READY, then: StationState 
             for _ in range(2):
                 app.tick()
                 await pilot.pause()
-            return Typed(list(control.orders), control.stops, [each.code for each in app.ui.said], grid(app))
+            return Typed(list(control.orders), control.stops, [each.code for each in app.ui.key_answer], grid(app))
 
     return run_apart(run)
 

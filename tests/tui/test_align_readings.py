@@ -22,7 +22,7 @@ from console.session.station.commands import (
 from console.session.station.state import StationState
 from console.text.catalogue import load
 from console.tui.align.answers import clamp_answer, clamp_lines
-from console.tui.align.asked import Asked, Question
+from console.tui.align.entry_context import EntryContext, EntryKind
 from console.tui.pages.align import AlignPage
 from console.units import Units
 from drivers.simulator.plant.workshop_view import WorkshopView
@@ -210,7 +210,7 @@ def test_readings_of_a_dial_in_inches_are_typed_and_shown_in_millionths_of_an_in
 def test_as_many_places_are_asked_for_as_the_chuck_needs(jaws: int, least: int, both: int) -> None:
     work = experiment()
     job, machine = replace(work.job, jaws=jaws), work.machine.machine
-    few = Question(asked=Asked.PLACES, typed=str(least - 1), state=CLAMPED, job=job, machine=machine)
+    few = EntryContext(asked=EntryKind.PLACES, typed=str(least - 1), state=CLAMPED, job=job, machine=machine)
     assert [each.code for each in clamp_answer(few).problems] == ["screen.number_out_of_range"]
     assert clamp_answer(replace(few, typed=str(least))).problems == ()
     said = "".join(words for row in clamp_lines(load("en"), few, 200)[1:] for words, _ in row)

@@ -17,19 +17,19 @@ from rich.segment import Segment
 from rich.style import Style
 
 from console.session.appearance import THEMES, Appearance
-from console.session.station.alarms import Priority, raised
+from console.session.station.alarms import Priority, raise_alarm
 from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import LiveCatalogue
 from console.tui.app import ConsoleApp
 from console.tui.application.themes import palette_named, theme_named
-from console.tui.calibrating.calibration_lines import point_lines
-from console.tui.calibrating.chuck_facts import ChuckFacts
-from console.tui.calibrating.draft import Draft, value_of
-from console.tui.further.scope_setup import ROWS, changed, setup_lines
+from console.tui.calibration.calibration_lines import point_lines
+from console.tui.calibration.chuck_facts import ChuckFacts
+from console.tui.calibration.draft import Draft, value_of
+from console.tui.further.scope_setup import ROWS, change_setup, setup_lines
 from console.tui.keymap import PageName
 from console.tui.theme import COLOUR, MONO, Palette, Token
 from console.units import METRIC, Units
-from drivers.requests.scope_gather import ScopeSetup, Trigger
+from drivers.requests.scope_gather import ScopeSetup, ScopeTrigger
 from profiles.calibration.table import COLUMNS, CalibrationKind
 from profiles.problem import Problem, ProfileError
 from tests.golden_text import compare, writing
@@ -140,11 +140,11 @@ def reading(rows: list[str], label: str) -> list[float]:
 
 
 def test_a_level_of_the_scope_has_round_steps_in_either_unit() -> None:
-    rising = replace(ScopeSetup(), trigger=Trigger.RISING)
+    rising = replace(ScopeSetup(), trigger=ScopeTrigger.RISING)
     for units, after in ((METRIC, "2 um"), (Units("inch"), "100 uin")):
         setup = rising
         for _ in range(2):
-            setup = changed(setup, ROWS.index("level"), 1, units) or setup
+            setup = change_setup(setup, ROWS.index("level"), 1, units) or setup
         text = LiveCatalogue("en")
         text.measure(units.name)
         rows = setup_lines(setup, 0, 0.5, text, 40)
@@ -276,7 +276,7 @@ def stopped(state: StationState) -> StationState:
 
 def alarmed(state: StationState) -> StationState:
     fault = Problem(code="machine.fault", key="arm", value="tool: amplifier fault")
-    return replace(state, alarms=raised((), fault, Priority.HIGH, NOW_S))
+    return replace(state, alarms=raise_alarm((), fault, Priority.HIGH, NOW_S))
 
 
 def stale(state: StationState) -> StationState:

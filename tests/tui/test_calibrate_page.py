@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from console.__main__ import main
-from console.session.data.calibrated_chuck import calibrated
+from console.session.data.calibrated_chuck import apply_calibrations
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
-from console.tui.calibrating.chuck_facts import ChuckFacts, Standing, kept_facts, kept_list
-from console.tui.calibrating.draft import Draft
+from console.tui.calibration.chuck_facts import CalibrationStatus, ChuckFacts, kept_facts, kept_list
+from console.tui.calibration.draft import Draft
 from console.tui.further.calibrate import CalibratePage
 from console.tui.gate import FieldKind
 from console.tui.records import background_reader
@@ -86,7 +86,7 @@ async def test_points_entered_one_by_one_are_fitted_and_stored_as_the_command_do
     again = json.loads(capsys.readouterr().out)
     assert again["found"] == record["found"] and again["file_sha256"] == record["file_sha256"]
     # The next start uses it.
-    machine = calibrated(load_machine(MACHINE), tmp_path)
+    machine = apply_calibrations(load_machine(MACHINE), tmp_path)
     assert machine.machine.chuck.force_per_torque_n_per_n_m == pytest.approx(377.57, abs=0.01)
 
 
@@ -102,20 +102,20 @@ async def test_kilonewtons_are_not_stored_until_their_ratio_or_value_is_typed_ou
         await stage.enter("")
         await stage.act_on("calibrate.keep")
         assert stage.codes == ["calibration.step"] and kept_files(tmp_path) == []
-        said = load("en").problem(stage.ui.said[0])
+        said = load("en").problem(stage.ui.key_answer[0])
         assert "377 N/(N m)" in said and "0.3738 N/(N m)" in said and "x 0.000992; kN <> N?" in said
         assert stage.field() == FieldKind.NUMBER, "what is typed out is asked for"
-        stage.ui.said = ()
+        stage.ui.key_answer = ()
         await stage.enter("1")
         assert stage.codes == ["calibration.step"] and kept_files(tmp_path) == []
-        stage.ui.said = ()
+        stage.ui.key_answer = ()
         await stage.enter("")
         assert stage.field() == FieldKind.NONE and "not stored: 10 points" in stage.words
         await stage.act_on("calibrate.keep")
         await stage.enter(typed)
         assert stage.codes == ["screen.calibrate_kept"] and stage.field() == FieldKind.NONE
     assert len(kept_files(tmp_path)) == 2
-    found = calibrated(load_machine(MACHINE), tmp_path)
+    found = apply_calibrations(load_machine(MACHINE), tmp_path)
     assert found.machine.chuck.force_per_torque_n_per_n_m == pytest.approx(0.3738, rel=1e-3)
 
 
@@ -126,7 +126,7 @@ async def test_what_an_older_console_has_kept_in_another_unit_is_listed_as_not_u
     record["found"]["profile"]["force_per_torque_n_per_n_m"] /= 1000.0
     newer.write_text(json.dumps(record))
     rows = kept_list(tmp_path, lathe(), "wrench")
-    assert [each.standing for each in rows] == [Standing.IMPLAUSIBLE, Standing.NEXT_START]
+    assert [each.standing for each in rows] == [CalibrationStatus.IMPLAUSIBLE, CalibrationStatus.NEXT_START]
     async with on_page(CalibrateScene, tmp_path, size=(100, 24)) as stage:
         await stage.show()
         assert "not plausible" in stage.words and "NOT used" in stage.words and "kN <> N" in stage.words
@@ -144,7 +144,7 @@ async def test_what_is_no_point_is_refused_and_too_few_are_not_stored_but_come_b
         ):
             await stage.enter(words)
             assert (stage.codes, stage.field()) == ([code], FieldKind.NUMBER), words
-            stage.ui.said = ()
+            stage.ui.key_answer = ()
         await stage.enter("10", "")
         assert stage.field() == FieldKind.NONE and "not stored" not in stage.words, "half a point is none"
         await stage.act_on("calibrate.new")
@@ -238,7 +238,7 @@ async def test_an_entry_ends_when_the_machine_moves_and_nothing_is_stored_then(t
         await stage.show()
         assert stage.field() == FieldKind.NONE, "Space is a stop again"
         for action in ("calibrate.new", "calibrate.import", "calibrate.keep"):
-            stage.ui.said = ()
+            stage.ui.key_answer = ()
             await stage.act_on(action)
             assert stage.codes == ["screen.calibrate_moving"]
 
@@ -247,7 +247,7 @@ def test_which_calibration_counts_is_what_the_next_start_does(tmp_path: Path) ->
     keep_wrench(tmp_path, date="2025-01-01T08:00:00.000Z")
     keep_wrench(tmp_path, date="2025-01-02T08:00:00.000Z")
     keep_wrench(tmp_path, date="2025-01-03T08:00:00.000Z", chuck="another")
-    started = calibrated(load_machine(MACHINE), tmp_path)
+    started = apply_calibrations(load_machine(MACHINE), tmp_path)
     keep_wrench(tmp_path, date="2025-01-04T08:00:00.000Z")
     (tmp_path / "calibrations" / MACHINE / "wrench-000005.json").write_text("{}", encoding="utf-8")
 
@@ -256,13 +256,18 @@ def test_which_calibration_counts_is_what_the_next_start_does(tmp_path: Path) ->
 
     (tmp_path / "calibrations" / MACHINE / "wrench-000005.json").unlink()
     assert standings(started) == ["next_start", "other_chuck", "older", "older"]
-    assert standings(calibrated(load_machine(MACHINE), tmp_path)) == ["in_force", "other_chuck", "older", "older"]
+    assert standings(apply_calibrations(load_machine(MACHINE), tmp_path)) == [
+        "in_force",
+        "other_chuck",
+        "older",
+        "older",
+    ]
     # A profile that states the line as its own is right, whatever was measured.
     profile = tmp_path / "stated.toml"
     text = load_machine(MACHINE).text.replace('  "chuck.force_per_torque_n_per_n_m",\n', "")
     profile.write_text(text.replace('  "chuck.force_sd_percent",\n', ""), encoding="utf-8")
     stated = load_machine(str(profile))
-    assert standings(stated)[0] == str(Standing.PROFILE)
+    assert standings(stated)[0] == str(CalibrationStatus.PROFILE)
 
 
 def test_the_points_are_shown_only_while_their_file_is_what_was_fitted(tmp_path: Path) -> None:
@@ -291,9 +296,9 @@ async def test_the_lobes_of_the_jobs_are_listed_and_say_how_one_is_taken(tmp_pat
 def test_every_standing_has_its_words() -> None:
     for language in ("en", "ko"):
         text = load(language)
-        for standing in Standing:
+        for standing in CalibrationStatus:
             assert text(f"calibrate_page.why.{standing}") != f"calibrate_page.why.{standing}"
-            if standing is not Standing.OF_JOB:
+            if standing is not CalibrationStatus.OF_JOB:
                 assert text(f"calibrate_page.{standing}") != f"calibrate_page.{standing}"
 
 
@@ -333,6 +338,6 @@ async def test_in_inches_a_point_keeps_what_was_not_typed_again(tmp_path: Path) 
 
 def test_entered_points_are_read_back_whatever_their_decimals() -> None:
     rows = ((1.234, 5.678), (2.345, 7.891), (3.456, 9.012))
-    measured = Draft(kind=CalibrationKind.WRENCH, rows=rows).measured()
+    measured = Draft(kind=CalibrationKind.WRENCH, rows=rows).measured_table()
     assert list(zip(*measured.columns.values(), strict=True)) == list(rows)
     assert measured.numbers_read == ""

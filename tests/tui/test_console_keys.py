@@ -21,8 +21,8 @@ from console.tui.app import ConsoleApp
 from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys
 from console.tui.keymap import ACTIONS, DIGITS, PageName
-from drivers.cutting.bounds import Adjusted, Bounds
-from drivers.lathe.standing import Standing
+from drivers.cutting.bounds import Bounds, CutAdjustment
+from drivers.lathe.console_role import ConsoleRole
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
 from tests.tui.page_stage import run_apart
@@ -88,7 +88,7 @@ def test_a_key_that_is_held_down_orders_once(key: str, page: PageName, tmp_path:
 
 
 def test_every_press_of_plus_changes_the_cut_by_a_step_and_a_held_one_by_one(tmp_path: Path) -> None:
-    cutting = run_stage.cutting(adjusted=Adjusted(bounds=Bounds(low_percent=95, high_percent=105)))
+    cutting = run_stage.cutting(adjusted=CutAdjustment(bounds=Bounds(low_percent=95, high_percent=105)))
 
     def steps(*presses: tuple[float, str]) -> list[int]:
         console = pressed(tmp_path, cutting, PageName.RUN, *presses)
@@ -174,12 +174,12 @@ async def test_a_character_for_a_field_is_written_into_it_and_shows_no_page_once
     async with console_at(tmp_path, PageName.SETUP, align_stage.state(), *keys) as (app, pilot, _):
         app.post_message(Written("4", "4"))
         await pilot.pause()
-        said = [problem.code for problem in app.ui.said]
+        said = [problem.code for problem in app.ui.key_answer]
         assert (app._page, said) == (PageName.SETUP, [] if keys else ["screen.entry_over"])
         assert not keys or app.query_one("SetupPage Input", Input).value == "4"
 
 
-ANOTHERS: dict[str, Any] = {"standing": Standing.OUSTED, "holder": 7}
+ANOTHERS: dict[str, Any] = {"standing": ConsoleRole.OUSTED, "holder": 7}
 MOVES = align_stage.look(ON - {"desired_velocity_zero"})
 
 
@@ -228,7 +228,7 @@ def test_no_character_is_left_out_of_a_number_and_no_key_acts_in_the_middle_of_i
 ) -> None:
     """1e3 without its e would be 13 mm: what does not belong stays in the entry, and Enter refuses it."""
     console = typed(tmp_path, "down", "enter", *("space" if each == " " else each for each in number), "enter")
-    (refused,) = console.app.ui.said
+    (refused,) = console.app.ui.key_answer
     assert (refused.code, refused.value) == ("value.not_number", f'"{number}"')
     assert console.app.ui.work == experiment()
     assert console.app._field is FieldKind.NUMBER and console.orders == []
@@ -336,7 +336,7 @@ def test_presses_in_motion_wait_and_are_made_one_after_the_other(tmp_path: Path)
         (101.2, "", TWO_MADE),
     )
     assert console.orders == [0, 1, 1, 1, 1, 2, 2, 3]
-    assert console.app.ui.said == ()
+    assert console.app.ui.key_answer == ()
 
 
 @pytest.mark.parametrize(
@@ -369,7 +369,7 @@ def test_any_other_key_drops_the_steps_that_wait(
     [
         replace(ONE_MADE, stops=1),
         replace(ONE_MADE, activity=Activity.LOST),
-        replace(ONE_MADE, standing=Standing.OUSTED),
+        replace(ONE_MADE, standing=ConsoleRole.OUSTED),
         replace(ONE_MADE, activity=Activity.VERIFYING),
     ],
     ids=["a stop, and F2 at once", "lost link", "lost ownership", "busy with something else"],

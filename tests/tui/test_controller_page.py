@@ -21,12 +21,12 @@ from console.tui.application.far_terminal import WITHIN_S, FarTerminal
 from console.tui.controller.watching import read_watch, watch_path
 from console.tui.further.scope import read_record, record_text, records_of
 from console.tui.further.scope_pictures import over_turns
-from console.tui.further.scope_setup import ROWS, changed
+from console.tui.further.scope_setup import ROWS, change_setup
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from drivers.lathe.standing import Standing
+from drivers.lathe.console_role import ConsoleRole
 from drivers.requests.scope_gather import ANGLE, CHANNELS, ScopeSetup
-from drivers.requests.side_line import Moment
+from drivers.requests.side_line import RequestConditions
 from profiles.problem import ProfileError
 from tests.drivers.families import of_family
 from tests.tui import align_stage, records_stage
@@ -71,11 +71,11 @@ class Stage:
 
     @property
     def codes(self) -> list[str]:
-        return [problem.code for problem in self.app.ui.said]
+        return [problem.code for problem in self.app.ui.key_answer]
 
     @property
     def sent(self) -> list[str]:
-        return [each.text.rstrip("\r") for each in self.side.heard.spoken(polls=True) if each.mark == ">"]
+        return [each.text.rstrip("\r") for each in self.side.heard.list_traffic(polls=True) if each.mark == ">"]
 
 
 @asynccontextmanager
@@ -186,7 +186,7 @@ def view(stage: Stage) -> Any:
     return stage.app.ui.view
 
 
-OBSERVES = replace(machine(Activity.READY), standing=Standing.OBSERVER, holder=7)
+OBSERVES = replace(machine(Activity.READY), standing=ConsoleRole.OBSERVER, holder=7)
 MOVES = replace(machine(Activity.READY), snapshot=replace(MOVING, asked_s=100.0, at_s=100.0))
 
 
@@ -196,12 +196,12 @@ async def test_the_whole_controller_is_read_at_rest_by_who_controls_it(
 ) -> None:
     async with play(tmp_path, state=state) as stage:
         for key in ("v", "b", "f"):
-            stage.app.ui.said = ()
+            stage.app.ui.key_answer = ()
             await stage.press(key)
             assert stage.codes == [code]
         await stage.press(*TERMINAL)
         if state is OBSERVES:
-            stage.side.moment = Moment(at_rest=True, controls=False)
+            stage.side.moment = RequestConditions(at_rest=True, controls=False)
             shown = await stage.press("enter", *"i130", "enter")
             assert "< 528 ACK" in shown
             await stage.press("enter", *"list plc 1", "enter")
@@ -308,7 +308,7 @@ def test_the_mean_over_the_angle_and_its_spread_are_those_of_the_turns() -> None
 @pytest.mark.parametrize(
     ("state", "key", "code"),
     [
-        (replace(READY, standing=Standing.OBSERVER, holder=7), "g", "screen.observes"),
+        (replace(READY, standing=ConsoleRole.OBSERVER, holder=7), "g", "screen.observes"),
         (replace(READY, activity=Activity.ARMING), "g", "screen.scope_arming"),
         (replace(READY, activity=Activity.LOST), "g", "screen.no_controller"),
         (READY, "c", "screen.nothing_gathers"),
@@ -362,13 +362,13 @@ async def test_the_list_of_kept_records_has_its_keys_and_is_walked_by_the_page(t
 def test_one_to_six_channels_are_gathered() -> None:
     setup = ScopeSetup()
     for row in range(len(CHANNELS)):
-        setup = changed(setup, row, 1) or setup
+        setup = change_setup(setup, row, 1) or setup
         assert 1 <= len(setup.channels) <= 6
     full = replace(setup, channels=CHANNELS[:6])
-    assert changed(full, 8, 1) is None and changed(replace(setup, channels=CHANNELS[:1]), 0, 1) is None
+    assert change_setup(full, 8, 1) is None and change_setup(replace(setup, channels=CHANNELS[:1]), 0, 1) is None
     for row in range(len(ROWS)):
         for by in (-1, 1):
-            again = changed(full, row, by)
+            again = change_setup(full, row, by)
             assert again is None or again.level_of in again.channels
 
 
@@ -401,7 +401,7 @@ def enabled(data: Path, client: str, *, simulated: bool, language: str = "en") -
                 control.at(at_s)
                 await pilot.press("f4")
                 counts.append(sum(isinstance(order, EnableDrives) for order in control.orders))
-                said.extend(problem.code for problem in app.ui.said)
+                said.extend(problem.code for problem in app.ui.key_answer)
             return row
 
     row = run_apart(run)

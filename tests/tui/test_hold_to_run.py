@@ -13,7 +13,7 @@ from textual.pilot import Pilot
 from console.session.station.commands import Jog
 from console.session.station.state import Activity, StationState
 from console.tui.align.align_jog import HELD_UP_S, MOST_WAITING, StepQueue
-from console.tui.align.hold_run import UNMEASURED, Calibration, HoldRun, Repeat
+from console.tui.align.hold_run import UNMEASURED, HoldRun, KeyRepeatCalibration, Repeat
 from console.tui.align.jog_presses import JogPresses, ReportedStrokes
 from console.tui.application.key_releases import OFF, ON, QUERY, SLOWEST_S, KeyReleases, ReportedKey, Stroke
 from console.tui.driver import Reader
@@ -30,7 +30,7 @@ READY = align_stage.state()
 
 def calibrated(first_s: float, period_s: float, late_s: float = 0.0) -> Repeat | None:
     """Hold a key for four seconds on a terminal with this repeat, of which one comes late."""
-    calibration, now_s = Calibration(), 0.0
+    calibration, now_s = KeyRepeatCalibration(), 0.0
     calibration.press(now_s)
     now_s += first_s
     for n in range(int(4.0 / period_s)):
@@ -57,7 +57,7 @@ def test_a_slow_terminal_or_an_uneven_line_stays_with_single_steps(
 
 
 def test_taps_of_the_key_measure_nothing() -> None:
-    calibration = Calibration()
+    calibration = KeyRepeatCalibration()
     assert not any(calibration.press(n * 0.9) for n in range(10))
 
 
@@ -130,7 +130,7 @@ def hold(
     asyncio.run(run())
     orders = [order for order in control.orders if isinstance(order, Jog)]
     assert len(orders) == counts[-1]  # none after the last repeat
-    return len(orders), shown[0], [problem.code for problem in app.ui.said]
+    return len(orders), shown[0], [problem.code for problem in app.ui.key_answer]
 
 
 def test_a_held_key_is_one_step_until_the_repeat_is_measured_then_runs_and_ends_with_its_repeats(
@@ -315,7 +315,7 @@ def play(data: Path, said: list[tuple[float, str]], ends_s: float) -> tuple[list
             shown.append(grid(app))
 
     asyncio.run(run())
-    return steps, shown[0], [problem.code for problem in app.ui.said]
+    return steps, shown[0], [problem.code for problem in app.ui.key_answer]
 
 
 HELD = [(0.1, PAGE_UP), *((0.5 + 0.033 * n, REPEATED) for n in range(30))]
@@ -359,10 +359,10 @@ def fingers(*pressed_s: float) -> tuple[int, bool]:
     """Presses that a finger made, of a key that comes at these times; and whether it is held at the end."""
     presses, now_s, left, counted = JogPresses(), 0.0, list(pressed_s), 0
     while now_s < pressed_s[-1] + 1.0:
-        counted += presses.due(now_s) is not None
+        counted += presses.take_due_key(now_s) is not None
         while left and left[0] <= now_s:
             left.pop(0)
-            counted += presses.due(now_s) is not None
+            counted += presses.take_due_key(now_s) is not None
             counted += presses.press("align.in", now_s)
         now_s += 0.005
     return counted, presses.held
@@ -394,7 +394,7 @@ def test_the_next_step_is_due_only_when_the_one_before_is_proven_in_position() -
     for n in range(3):
         queue.add("align.in", 0.1 * n)
     assert queue.is_due
-    queue.posted(REST)
+    queue.note_posted_step(REST)
     # At rest again, but nobody has said that it arrived.
     for state in (REST, BUSY, REST):
         assert queue.follow(state, 0.3)
@@ -409,19 +409,19 @@ def test_a_step_that_the_machine_refuses_ends_those_behind_it() -> None:
         queue.add("align.in", 0.0)
     # What was refused before the step is no answer to it.
     before = replace(REST, refusals=(Problem(code="session.busy"),))
-    queue.posted(before)
+    queue.note_posted_step(before)
     assert queue.follow(before, 0.1)
     assert not queue.follow(replace(REST, refusals=(Problem(code="machine.beyond_travel"),)), 0.2)
-    assert queue.left == 0
+    assert queue.steps_left == 0
 
 
 def test_a_screen_that_was_held_up_does_not_continue() -> None:
     queue = StepQueue()
     for _ in range(3):
         queue.add("align.in", 0.0)
-    queue.posted(REST)
+    queue.note_posted_step(REST)
     assert not queue.follow(replace(REST, jogs=1), HELD_UP_S + 0.1)
-    assert (queue.is_due, queue.left) == (False, 0)
+    assert (queue.is_due, queue.steps_left) == (False, 0)
 
 
 def test_no_more_than_ten_steps_wait() -> None:
@@ -434,11 +434,11 @@ def test_no_more_than_ten_steps_wait() -> None:
 def test_what_is_pressed_later_or_is_another_key_is_counted_anew() -> None:
     queue = StepQueue()
     queue.add("align.in", 0.0)
-    queue.posted(REST)
+    queue.note_posted_step(REST)
     queue.follow(replace(REST, jogs=1), 0.5)
     queue.add("align.in", 1.0)
     assert (queue.made, queue.asked) == (1, 2)
-    queue.posted(replace(REST, jogs=1))
+    queue.note_posted_step(replace(REST, jogs=1))
     queue.follow(replace(REST, jogs=2), 1.5)
     queue.add("align.in", 9.0)
     assert (queue.made, queue.asked) == (0, 1)

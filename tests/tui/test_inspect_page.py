@@ -19,9 +19,9 @@ from console.session.station.commands import Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.text.catalogue import LiveCatalogue, load
 from console.text.part_sentences import certificate_lines
-from console.tui.inspecting.comparison import compare_parts
+from console.tui.inspection.comparison import compare_parts
 from console.tui.keymap import PageName
-from console.tui.lines import plain, width_of
+from console.tui.lines import plain_text, width_of
 from console.tui.pages.inspect import InspectPage
 from console.tui.pages.inspect_lines import harmonic_lines, phase_from_jaw_deg, result_lines
 from console.tui.pages.learn_lines import certified_lines
@@ -29,7 +29,7 @@ from console.tui.plot.polar_view import PolarView
 from console.tui.theme import Token
 from console.tui.ui_context import View
 from drivers.cutting.planning import Strategy
-from profiles.compensations.certificate import Certified, Standing
+from profiles.compensations.certificate import CertifiedOrder, OrderStatus
 from profiles.roundness import evaluate
 from profiles.traces import Trace
 from tests.golden_text import compare, writing
@@ -85,13 +85,13 @@ def shown(state: StationState, room: tuple[int, int] = ROOMS[0], language: str =
 def results(state: StationState, height: int = 20) -> list[str]:
     seen = compare_parts(state)
     assert seen is not None
-    return plain(result_lines(seen, True, load("en"), 40, height)).split("\n")
+    return plain_text(result_lines(seen, True, load("en"), 40, height)).split("\n")
 
 
 def harmonics(state: StationState, height: int = 20) -> list[str]:
     seen = compare_parts(state)
     assert seen is not None
-    return plain(harmonic_lines(seen, load("en"), 40, height)).split("\n")
+    return plain_text(harmonic_lines(seen, load("en"), 40, height)).split("\n")
 
 
 def test_a_machine_without_a_gauge_is_not_said_to_measure() -> None:
@@ -285,7 +285,7 @@ def test_m_measures_the_part_that_was_cut_o_needs_a_size_and_enter_moves_nothing
     gone: list[PageName] = []
     page.ui.go = gone.append
     page.act(f"inspect.{action}")
-    assert (control.orders, [problem.code for problem in page.ui.said]) == (orders, codes)
+    assert (control.orders, [problem.code for problem in page.ui.key_answer]) == (orders, codes)
     assert gone == ([PageName.ALIGN] if action == "next" else [])
 
 
@@ -312,7 +312,7 @@ def test_before_anything_is_measured_the_page_says_what_to_do(language: str) -> 
 )
 def test_the_next_step_is_one_row_and_names_its_key(state: StationState, key: str, language: str) -> None:
     _, page, _ = staged(state, language)
-    words = plain([page.next_step(View(state=state, work=None, now_s=0.0))])
+    words = plain_text([page.next_step(View(state=state, work=None, now_s=0.0))])
     assert key in words
     assert 0 < cell_len(words) <= 77
 
@@ -322,7 +322,7 @@ def test_a_failed_part_is_not_only_coloured() -> None:
     assert seen is not None
     lines = result_lines(seen, True, load("en"), 40, 20)
     (fail,) = [line for line in lines if line and line[0][1] is Token.WARNING]
-    assert plain([fail]).startswith("✗ FAIL")
+    assert plain_text([fail]).startswith("✗ FAIL")
 
 
 @pytest.mark.first(2)
@@ -351,7 +351,7 @@ FOLDER = Path(__file__).parent / "certificates"
 WIDTH = 78
 
 PART = tuple(
-    Certified(
+    CertifiedOrder(
         order=order,
         gain=gain,
         factor=abs(1.0 - gain),
@@ -362,12 +362,12 @@ PART = tuple(
         standing=standing,
     )
     for order, gain, bound, left_um, standing in (
-        (2, 1.0, 0.30, 1.86, Standing.ONE_PART),
-        (3, 0.93, 0.37, 7.185, Standing.LEARNED),
-        (4, 1.0, 0.45, 0.012, Standing.NOISE),
-        (5, 0.5, 0.71, 0.4, Standing.VARIES),
-        (6, 1.0, 0.6, 0.77, Standing.GREW),
-        (13, 1.0, 1.42, 0.05, Standing.NO_PROMISE),
+        (2, 1.0, 0.30, 1.86, OrderStatus.ONE_PART),
+        (3, 0.93, 0.37, 7.185, OrderStatus.LEARNED),
+        (4, 1.0, 0.45, 0.012, OrderStatus.NOISE),
+        (5, 0.5, 0.71, 0.4, OrderStatus.VARIES),
+        (6, 1.0, 0.6, 0.77, OrderStatus.GREW),
+        (13, 1.0, 1.42, 0.05, OrderStatus.NO_PROMISE),
     )
 )
 
@@ -392,7 +392,7 @@ def test_on_a_screen_in_inches_it_is_in_millionths_of_an_inch() -> None:
     assert "um p-p" not in "".join(rows)
 
 
-def rows_of(*certificate: Certified) -> list[list[str]]:
+def rows_of(*certificate: CertifiedOrder) -> list[list[str]]:
     return [row.split() for row in certificate_lines(certificate, load("en"))[2:]]
 
 

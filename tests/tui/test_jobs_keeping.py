@@ -14,7 +14,7 @@ from rich.cells import cell_len
 
 from console.session.data.kept_files import jobs_folder
 from console.session.station.state import Activity
-from console.session.work import edited, opened
+from console.session.work import edit_field, open_work
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.pages import job_shelf as shelf
@@ -185,7 +185,7 @@ async def test_a_long_list_goes_along_with_the_selection_by_rows_pages_and_ends(
 
 
 async def test_the_open_job_is_marked(tmp_path: Path) -> None:
-    work = opened(load_job("two-jaw-tube"), lathe())
+    work = open_work(load_job("two-jaw-tube"), lathe())
     async with play(tmp_path, work=work) as stage:
         assert "▸●two-jaw-tube" in stage.text and "open job" in stage.text
         await stage.act("jobs.up")
@@ -194,7 +194,7 @@ async def test_the_open_job_is_marked(tmp_path: Path) -> None:
 
 async def test_a_job_is_renamed_and_stays_open(own: Path, tmp_path: Path) -> None:
     path = put(own, "a-ring")
-    work = opened(load_job(str(path)), lathe())
+    work = open_work(load_job(str(path)), lathe())
     async with play(tmp_path, work=work) as stage:
         await stage.act("jobs.rename")
         await typed(stage, "-2")
@@ -214,12 +214,12 @@ async def test_a_name_that_cannot_be_is_refused_stays_in_the_entry_and_is_discar
             ("../x", "file.name_unfit"),
             ("x" * 61, "file.name_long"),
         ):
-            stage.ui.said = ()
+            stage.ui.key_answer = ()
             stage.page._entry.value = name  # type: ignore[attr-defined]
             await stage.act("jobs.open")
             assert stage.codes == [code] and stage.page.field is FieldKind.TEXT
             assert (own / "a-ring.toml").exists()
-        stage.ui.said = ()
+        stage.ui.key_answer = ()
         stage.page.leave()
         assert stage.codes == ["screen.job_entry_dropped"] and (own / "a-ring.toml").exists()
 
@@ -228,7 +228,7 @@ async def test_note_and_tags_are_shown_and_the_open_job_keeps_its_edits_and_its_
     own: Path, tmp_path: Path
 ) -> None:
     path = put(own, "a-ring")
-    work = edited(opened(load_job(str(path)), lathe()), "jaws", "4")
+    work = edit_field(open_work(load_job(str(path)), lathe()), "jaws", "4")
     async with play(tmp_path, work=work) as stage:
         await stage.act("jobs.note")
         await typed(stage, "soft jaws only")
@@ -265,9 +265,9 @@ async def test_the_open_job_is_closed_when_it_is_deleted_and_kept_with_unsaved_e
     own: Path, tmp_path: Path
 ) -> None:
     path = put(own, "a-ring")
-    work = opened(load_job(str(path)), lathe())
+    work = open_work(load_job(str(path)), lathe())
     async with play(tmp_path, work=work) as stage:
-        stage.ui.work = edited(work, "jaws", "4")
+        stage.ui.work = edit_field(work, "jaws", "4")
         await stage.act("jobs.delete", "jobs.delete")
         assert stage.codes == ["screen.job_edited"] and path.exists()
         stage.ui.work = work

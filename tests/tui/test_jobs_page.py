@@ -15,11 +15,11 @@ from rich.cells import cell_len
 from console.session.data.kept_files import jobs_folder
 from console.session.data.records import RunRecord
 from console.session.station.state import Activity, StationState
-from console.session.work import Work, blank_form, edited, lobe_choices, opened, saved, with_lobe_from
+from console.session.work import Work, blank_form, edit_field, lobe_choices, open_work, save_work, with_lobe_from
 from console.text.catalogue import load
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import plain, width_of
+from console.tui.lines import plain_text, width_of
 from console.tui.pages.fields import FORM
 from console.tui.pages.jobs import JobsPage
 from console.tui.pages.jobs_lines import job_lines
@@ -158,7 +158,7 @@ async def test_enter_opens_the_selected_job_at_set_up(own: Path, tmp_path: Path)
 
 
 async def test_the_job_in_hand_keeps_its_edits(tmp_path: Path) -> None:
-    work = edited(experiment(), "jaws", "4")
+    work = edit_field(experiment(), "jaws", "4")
     async with play(tmp_path, work=work) as stage:
         assert "edits not saved" in stage.text
         await stage.act("jobs.open")
@@ -167,7 +167,7 @@ async def test_the_job_in_hand_keeps_its_edits(tmp_path: Path) -> None:
 
 
 async def test_edits_are_given_up_on_the_second_enter_only(tmp_path: Path) -> None:
-    work = edited(experiment(), "jaws", "4")
+    work = edit_field(experiment(), "jaws", "4")
     async with play(tmp_path, work=work) as stage:
         await stage.act("jobs.down", "jobs.open")
         assert stage.codes == ["screen.edits_unsaved"]
@@ -200,13 +200,13 @@ async def test_no_job_is_opened_while_it_matters(
         assert stage.codes == [code]
         assert stage.gone == []
         assert width_of(stage.page.next_step(stage.view)) <= 78
-        stage.ui.said = ()
+        stage.ui.key_answer = ()
         stage.page.open_named("lee-2001-experiment-2")  # by a scanned code
         assert (stage.codes, stage.gone) == ([code], [])
 
 
 async def test_a_scanned_code_opens_its_job_and_gives_up_edits_at_the_second_time(tmp_path: Path) -> None:
-    async with play(tmp_path, work=edited(experiment(), "feed_mm_per_rev", "0.04")) as stage:
+    async with play(tmp_path, work=edit_field(experiment(), "feed_mm_per_rev", "0.04")) as stage:
         stage.page.open_named("lee-2001-experiment-2")
         assert (stage.codes, stage.gone) == (["screen.edits_unsaved"], [])
         stage.page.open_named("LEE-2001-EXPERIMENT-2")
@@ -237,12 +237,12 @@ async def test_a_page_without_room_does_not_break(tmp_path: Path) -> None:
 def test_the_lobe_of_a_model_and_that_of_another_cut_are_whole_at_80_columns(language: str) -> None:
     """So is one below what is shown: < 0.1 um. Another force in a file makes the lobe that of another cut."""
     text, names = load(language), ("steel-bar-65", "thin-ring-3-jaws", "thin-ring-6-jaws")
-    shown = {name: plain(job_lines(load_job(name).job, text, 32)) for name in names}
+    shown = {name: plain_text(job_lines(load_job(name).job, text, 32)) for name in names}
     for rows in shown.values():
         assert text("jobs_page.model") in rows and "um" in rows and "…" not in rows
     assert "< 0.1 um" in shown["steel-bar-65"]
     other = replace(load_job("lee-2001-experiment-1").job, chucking_force_n=9314.0)
-    rows = plain(job_lines(other, text, 32))
+    rows = plain_text(job_lines(other, text, 32))
     assert text("source.other_cut") in rows and "55.0 um" in rows and "…" not in rows
 
 
@@ -309,7 +309,7 @@ def filled(**changed: str) -> Work:
     """A new job with every value."""
     work = blank_form(lathe())
     for key, value in (TYPED | changed).items():
-        work = edited(work, key, value)
+        work = edit_field(work, key, value)
     return work
 
 
@@ -318,7 +318,7 @@ def test_a_new_job_has_no_value_that_nobody_gave() -> None:
     assert work.missing == TYPED.keys()
     assert {field.key for field in FORM} - {"lobe_error_source", "diameter_tolerance_um"} == work.missing
     assert filled().missing == frozenset()
-    assert edited(work, "jaws", "2").missing == work.missing - {"jaws"}  # whatever stood in its place
+    assert edit_field(work, "jaws", "2").missing == work.missing - {"jaws"}  # whatever stood in its place
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -372,7 +372,7 @@ async def test_the_lobe_steps_through_none_and_the_model_and_back_to_the_file(tm
 
 async def test_what_the_lobe_depends_on_unsets_a_measured_one_and_says_so(tmp_path: Path) -> None:
     for key, typed in (("material", "steel"), ("overhang_mm", "40"), ("spindle_speed_rpm", "600"), ("jaws", "4")):
-        async with on_form(tmp_path, work=edited(experiment(), key, typed), size=ROOM) as stage:
+        async with on_form(tmp_path, work=edit_field(experiment(), key, typed), size=ROOM) as stage:
             assert stage.next_step == stage.ui.text("setup.next.lobe")
             await stage.act(*["setup.next"] * LOBE)
             assert "of another cut" in stage.text and "measured with" in stage.text
@@ -381,22 +381,22 @@ async def test_what_the_lobe_depends_on_unsets_a_measured_one_and_says_so(tmp_pa
 def test_a_lobe_by_the_model_follows_the_part() -> None:
     work = with_lobe_from(filled(), "model")
     before_um = work.job.lobe_error_um_pp
-    doubled = edited(work, "chucking_force_n", "5000").job
+    doubled = edit_field(work, "chucking_force_n", "5000").job
     assert doubled.lobe_error_um_pp > 1.8 * before_um > 0.0  # the spring-back, less what the speed takes
-    assert edited(work, "roundness_tolerance_um", "3").job.lobe_error_um_pp == before_um
-    lost = edited(work, "material", "kryptonite")
+    assert edit_field(work, "roundness_tolerance_um", "3").job.lobe_error_um_pp == before_um
+    lost = edit_field(work, "material", "kryptonite")
     assert (lost.job.lobe_error_source, lost.strategy) == ("none", "none")
     chosen_first = with_lobe_from(blank_form(lathe()), "model")
     for key, value in TYPED.items():
-        chosen_first = edited(chosen_first, key, value)
+        chosen_first = edit_field(chosen_first, key, value)
     assert chosen_first.job == work.job
 
 
 def test_a_bundled_lobe_by_the_model_is_that_of_its_file_again() -> None:
-    work = opened(load_job("thin-ring-3-jaws"), lathe())
-    there = edited(work, "chucking_force_n", "800")
+    work = open_work(load_job("thin-ring-3-jaws"), lathe())
+    there = edit_field(work, "chucking_force_n", "800")
     assert there.job.lobe_error_um_pp < work.job.lobe_error_um_pp
-    assert edited(there, "chucking_force_n", "900").job.lobe_error_um_pp == work.job.lobe_error_um_pp
+    assert edit_field(there, "chucking_force_n", "900").job.lobe_error_um_pp == work.job.lobe_error_um_pp
     assert lobe_choices(work) == ("model", "none")
 
 
@@ -405,7 +405,7 @@ async def test_an_own_job_is_saved_over_its_file_unless_that_has_changed(tmp_pat
     path = folder / "ring.toml"
     folder.mkdir()
     save_job(experiment().job, path)
-    work = edited(opened(load_job(str(path)), lathe()), "feed_mm_per_rev", "0.04")
+    work = edit_field(open_work(load_job(str(path)), lathe()), "feed_mm_per_rev", "0.04")
     async with on_form(tmp_path, work=work, size=ROOM) as stage:
         await stage.act("setup.save_as")
         assert "[ring " in stage.text and stage.next_step == stage.ui.text("setup.next.naming_over")
@@ -413,18 +413,18 @@ async def test_an_own_job_is_saved_over_its_file_unless_that_has_changed(tmp_pat
         assert stage.ui.work is not None and not stage.ui.work.edited
         assert load_job(str(path)).job.feed_mm_per_rev == 0.04
     with pytest.raises(ProfileError) as raised:
-        saved(work)
+        save_work(work)
     assert raised.value.problems[0].code == "job.changed_elsewhere"
     assert load_job(str(path)).job.feed_mm_per_rev == 0.04
 
 
 async def test_the_list_begins_a_new_job_and_copies_one_and_loses_nothing_silently(tmp_path: Path) -> None:
-    async with on_page(Jobs, tmp_path, work=edited(experiment(), "jaws", "4"), size=ROOM) as stage:
+    async with on_page(Jobs, tmp_path, work=edit_field(experiment(), "jaws", "4"), size=ROOM) as stage:
         await stage.act("jobs.new")
         assert stage.codes == ["screen.edits_unsaved"] and stage.held == (False, True)
         await stage.act("jobs.new")
         assert stage.held == (True, False)
-        stage.ui.draft = edited(stage.draft, "jaws", "4")
+        stage.ui.draft = edit_field(stage.draft, "jaws", "4")
         await stage.act("jobs.new")
         assert stage.draft.job.jaws == 4, "the new job that was begun is continued"
         await stage.act("jobs.copy")

@@ -11,17 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from textual.events import Key
 
-from console.tui.application.scan_collector import Collector, Scan
-from console.tui.application.scans import LONGEST, found, job_named, keys_of, shown
+from console.tui.application.scan_collector import Scan, ScanCollector
+from console.tui.application.scans import LONGEST, find_job, job_named, keys_of, printable_code
 from console.tui.driver import Reader
-from console.tui.gate import FieldKind, Situation, Verdict, is_stray, judge, stop_reason, stops_at_once
+from console.tui.gate import FieldKind, KeyDecision, KeySituation, is_stray, judge, stop_reason, stops_at_once
 from console.tui.keymap import ACTIONS, DIGITS, KILL_KEYS, STOP_KEYS, PageName, action_of, actions_of
-from console.tui.pace import APART_S, QUIET_S, Pace
+from console.tui.pace import APART_S, QUIET_S, KeyPace
 from profiles.problem import Problem
 from profiles.store import LibraryEntry
 
 situations = st.builds(
-    Situation,
+    KeySituation,
     page=st.sampled_from(PageName),
     field=st.sampled_from(FieldKind),
     moving=st.booleans(),
@@ -40,38 +40,38 @@ LETTERS = set(string.ascii_letters) | {chr(code) for code in range(0x3131, 0x316
 
 
 @given(situations)
-def test_space_stops_everywhere_but_in_free_text(now: Situation) -> None:
+def test_space_stops_everywhere_but_in_free_text(now: KeySituation) -> None:
     verdict, _ = judge("space", " ", now)
     writes = now.field is FieldKind.TEXT and not now.reading
-    assert verdict is (Verdict.FIELD if writes else Verdict.STOP)
+    assert verdict is (KeyDecision.FIELD if writes else KeyDecision.STOP)
 
 
 @given(situations, st.sampled_from(["f12", "escape"]))
-def test_f12_and_escape_stop_everywhere(now: Situation, key: str) -> None:
-    assert judge(key, None, now)[0] is Verdict.STOP
+def test_f12_and_escape_stop_everywhere(now: KeySituation, key: str) -> None:
+    assert judge(key, None, now)[0] is KeyDecision.STOP
     assert stops_at_once(key, now)
 
 
 @given(situations)
-def test_escape_closes_a_list_of_keys_only_while_it_is_known_that_nothing_moves(now: Situation) -> None:
+def test_escape_closes_a_list_of_keys_only_while_it_is_known_that_nothing_moves(now: KeySituation) -> None:
     helped = replace(now, reading=True, at_rest=True)
     closes = not now.moving and not now.small
     verdict, action = judge("escape", None, helped)
-    assert verdict is (Verdict.ACTION if closes else Verdict.STOP)
+    assert verdict is (KeyDecision.ACTION if closes else KeyDecision.STOP)
     assert (action is not None and action.id) == ("close" if closes else False)
-    assert judge("f12", None, helped)[0] is Verdict.STOP
+    assert judge("f12", None, helped)[0] is KeyDecision.STOP
 
 
 @pytest.mark.parametrize("page", PageName)
 def test_what_moves_is_not_stopped_by_a_key_that_has_a_meaning_but_by_a_change_of_mind(page: PageName) -> None:
     """Looking at another page is harmless; another jog, and the drives off, are no part of what goes on."""
-    cutting = Situation(page=page, moving=True)
+    cutting = KeySituation(page=page, moving=True)
     everywhere = [action for action in ACTIONS if action.page is None]
     stopping = {
         action.id
         for action in (*everywhere, *actions_of(page))
         for key in action.keys
-        if judge(key, key if len(key) == 1 else None, cutting)[0] is Verdict.STOP
+        if judge(key, key if len(key) == 1 else None, cutting)[0] is KeyDecision.STOP
     }
     jogs = {"in", "out", "chuck", "tail", "forward", "backward"}
     # The list of traces is closed in motion, so that its keys mean nothing then.
@@ -84,11 +84,11 @@ def test_what_moves_is_not_stopped_by_a_key_that_has_a_meaning_but_by_a_change_o
 
 
 def test_a_jog_step_is_stopped_by_leaving_its_page_and_by_any_other_jog_key() -> None:
-    jogging = Situation(page=PageName.ALIGN, moving=True, jogging=True, jog="align.in")
+    jogging = KeySituation(page=PageName.ALIGN, moving=True, jogging=True, jog="align.in")
     verdicts = {key: judge(key, key, jogging)[0] for key in ("1", "4", "5", "down", "up", "left", "+", "-", "j")}
     kept = {"4", "down", "j"}
-    assert {key for key, verdict in verdicts.items() if verdict is Verdict.ACTION} == kept
-    assert {verdict for key, verdict in verdicts.items() if key not in kept} == {Verdict.STOP}
+    assert {key for key, verdict in verdicts.items() if verdict is KeyDecision.ACTION} == kept
+    assert {verdict for key, verdict in verdicts.items() if key not in kept} == {KeyDecision.STOP}
 
 
 @pytest.mark.parametrize(
@@ -107,58 +107,60 @@ def test_a_jog_step_is_stopped_by_leaving_its_page_and_by_any_other_jog_key() ->
     ],
 )
 def test_a_stop_says_for_which_key_it_was(key: str, character: str | None, reason: str) -> None:
-    jogging = Situation(page=PageName.ALIGN, moving=True, jogging=True, jog="align.in")
+    jogging = KeySituation(page=PageName.ALIGN, moving=True, jogging=True, jog="align.in")
     verdict, action = judge(key, character, jogging)
-    assert verdict in (Verdict.STOP, Verdict.KILL)
+    assert verdict in (KeyDecision.STOP, KeyDecision.KILL)
     assert stop_reason(key, character, action) == reason
 
 
 @given(situations)
-def test_f9_switches_the_drives_off_everywhere(now: Situation) -> None:
-    assert judge("f9", None, now)[0] is Verdict.KILL
+def test_f9_switches_the_drives_off_everywhere(now: KeySituation) -> None:
+    assert judge("f9", None, now)[0] is KeyDecision.KILL
 
 
 @given(situations, st.sampled_from("0123456789+-.,"))
-def test_a_field_of_numbers_takes_what_numbers_are_written_with(now: Situation, character: str) -> None:
+def test_a_field_of_numbers_takes_what_numbers_are_written_with(now: KeySituation, character: str) -> None:
     if now.field is not FieldKind.NONE:
         verdict, action = judge(character, character, now)
-        assert (verdict is Verdict.FIELD) is not now.reading, "behind a list that hides the entry nothing is typed"
+        assert (verdict is KeyDecision.FIELD) is not now.reading, (
+            "behind a list that hides the entry nothing is typed"
+        )
         assert action is None
 
 
 @given(situations, st.characters(categories=["L", "P", "S"], exclude_characters="+-.,"))
 def test_what_no_number_is_written_with_spoils_the_entry_or_belongs_to_the_page(
-    now: Situation, character: str
+    now: KeySituation, character: str
 ) -> None:
     """Nothing that was typed vanishes out of the middle of a number, and no key of every page acts there."""
     key = f"key_{ord(character)}"
     verdict, action = judge(key, character, now)
     if now.field is FieldKind.NUMBER and not now.reading:
-        assert verdict is not Verdict.FIELD
+        assert verdict is not KeyDecision.FIELD
         assert action is None or action.page is now.page or action.id in ("help", "messages")
-        assert is_stray(key, character, now) is (verdict is Verdict.NOTHING)
+        assert is_stray(key, character, now) is (verdict is KeyDecision.NOTHING)
     else:
         assert not is_stray(key, character, now)
 
 
 def test_a_space_in_a_number_stops_and_spoils_the_entry() -> None:
-    now = Situation(page=PageName.SETUP, field=FieldKind.NUMBER)
-    assert judge("space", " ", now)[0] is Verdict.STOP and is_stray("space", " ", now)
-    assert not is_stray("space", " ", Situation(page=PageName.SETUP))
+    now = KeySituation(page=PageName.SETUP, field=FieldKind.NUMBER)
+    assert judge("space", " ", now)[0] is KeyDecision.STOP and is_stray("space", " ", now)
+    assert not is_stray("space", " ", KeySituation(page=PageName.SETUP))
     assert not is_stray("escape", "\x1b", now)
 
 
 @given(situations, st.sampled_from(["alt+d", "ctrl+alt+x", "f11", "insert", "y", "ㅛ", "unknown"]))
-def test_a_key_that_means_nothing_stops_what_moves(now: Situation, key: str) -> None:
+def test_a_key_that_means_nothing_stops_what_moves(now: KeySituation, key: str) -> None:
     verdict, _ = judge(key, None, now)
-    assert verdict is (Verdict.STOP if now.moving else Verdict.NOTHING)
+    assert verdict is (KeyDecision.STOP if now.moving else KeyDecision.NOTHING)
 
 
 @given(situations, st.sampled_from(sorted(SCROLLS)))
-def test_while_a_list_is_read_the_keys_that_scroll_it_do_nothing_else(now: Situation, key: str) -> None:
+def test_while_a_list_is_read_the_keys_that_scroll_it_do_nothing_else(now: KeySituation, key: str) -> None:
     reading = replace(now, reading=True, small=False)
     verdict, action = judge(key, None, reading)
-    assert verdict is Verdict.ACTION and action is not None
+    assert verdict is KeyDecision.ACTION and action is not None
     assert action.id == SCROLLS[key] and not action.moves
 
 
@@ -167,17 +169,17 @@ seeking = situations.map(lambda now: replace(now, reading=True, seeking=True, fi
 
 @given(seeking, st.booleans())
 def test_space_is_a_word_of_the_palette_only_while_it_is_known_that_nothing_moves(
-    now: Situation, known: bool
+    now: KeySituation, known: bool
 ) -> None:
     asked = replace(now, at_rest=known)
     types = known and not now.moving and not now.small
-    assert judge("space", " ", asked)[0] is (Verdict.FIELD if types else Verdict.STOP)
+    assert judge("space", " ", asked)[0] is (KeyDecision.FIELD if types else KeyDecision.STOP)
     unfocused = replace(asked, field=FieldKind.NONE)
-    assert judge("space", " ", unfocused)[0] is Verdict.STOP
+    assert judge("space", " ", unfocused)[0] is KeyDecision.STOP
     for key in ("f12", "escape"):
         closes = key == "escape" and types
-        assert judge(key, None, asked)[0] is (Verdict.ACTION if closes else Verdict.STOP)
-    assert judge("f9", None, asked)[0] is Verdict.KILL
+        assert judge(key, None, asked)[0] is (KeyDecision.ACTION if closes else KeyDecision.STOP)
+    assert judge("f9", None, asked)[0] is KeyDecision.KILL
 
 
 @given(
@@ -185,25 +187,25 @@ def test_space_is_a_word_of_the_palette_only_while_it_is_known_that_nothing_move
     st.sampled_from(["a", "ㅋ", "5", "?", ":", "f6", "f4", "f11", "up", "enter", "tab", "backspace", "alt+d"]),
 )
 def test_nothing_of_the_page_is_done_behind_the_palette_and_in_motion_every_key_stops(
-    now: Situation, key: str
+    now: KeySituation, key: str
 ) -> None:
     character = key if len(key) == 1 else None
     verdict, action = judge(key, character, now)
     if now.moving:
-        assert verdict is Verdict.STOP and action is None
+        assert verdict is KeyDecision.STOP and action is None
         assert stop_reason(key, character, action).startswith("unbound ")
     else:
-        assert verdict in (Verdict.FIELD, Verdict.ACTION, Verdict.NOTHING)
+        assert verdict in (KeyDecision.FIELD, KeyDecision.ACTION, KeyDecision.NOTHING)
         assert action is None or (action.page is None and not action.moves)
-        assert (verdict is Verdict.FIELD) is (not now.small and (character is not None or key == "backspace"))
+        assert (verdict is KeyDecision.FIELD) is (not now.small and (character is not None or key == "backspace"))
 
 
 @given(situations)
-def test_the_palette_is_no_stop_in_motion_and_opens_not_in_the_middle_of_an_entry(now: Situation) -> None:
+def test_the_palette_is_no_stop_in_motion_and_opens_not_in_the_middle_of_an_entry(now: KeySituation) -> None:
     for key, character in ((":", ":"), ("colon", ":"), ("ctrl+p", "\x10")):
         verdict, action = judge(key, character, now)
         if now.field is FieldKind.NONE and not now.small:
-            assert verdict is Verdict.ACTION and action is not None and action.id == "palette"
+            assert verdict is KeyDecision.ACTION and action is not None and action.id == "palette"
         else:
             assert action is None
 
@@ -211,9 +213,9 @@ def test_the_palette_is_no_stop_in_motion_and_opens_not_in_the_middle_of_an_entr
 def test_in_a_terminal_that_is_too_small_nothing_is_done_but_leaving() -> None:
     for page in PageName:
         for known in actions_of(page):
-            verdict, found = judge(known.keys[0], None, Situation(page=page, small=True))
-            assert verdict is Verdict.NOTHING and found is None
-    assert judge("ctrl+q", None, Situation(page=PageName.JOBS, small=True))[0] is Verdict.ACTION
+            verdict, found = judge(known.keys[0], None, KeySituation(page=page, small=True))
+            assert verdict is KeyDecision.NOTHING and found is None
+    assert judge("ctrl+q", None, KeySituation(page=PageName.JOBS, small=True))[0] is KeyDecision.ACTION
 
 
 def test_nothing_that_moves_is_on_a_letter_on_enter_or_on_a_digit() -> None:
@@ -256,12 +258,12 @@ LATER_S = QUIET_S + 0.01
 
 def taken(*presses: tuple[float, str]) -> list[str]:
     """The actions that are taken of keys at these times, s; each is asked for as soon as it may be due."""
-    pace, done = Pace[str](), list[str]()
+    pace, done = KeyPace[str](), list[str]()
     for at_s, key in presses:
         # The thread sleeps until something is due, or the next key comes.
-        done += pace.due(at_s - 1e-6)
+        done += pace.take_due_keys(at_s - 1e-6)
         pace.hold(key, key, at_s)
-    return [*done, *pace.due(presses[-1][0] + 1.0)]
+    return [*done, *pace.take_due_keys(presses[-1][0] + 1.0)]
 
 
 @pytest.mark.parametrize("gap_s", [0.0, 0.001, 0.008, 0.016, 0.03])
@@ -290,36 +292,36 @@ def test_two_keys_of_a_person_in_one_piece_are_pressed_again() -> None:
 
 
 def test_an_action_waits_until_it_is_known_to_have_come_alone() -> None:
-    pace = Pace[str]()
+    pace = KeyPace[str]()
     assert not pace.hold("4", "page 4", 10.0)
-    assert pace.due(10.0 + 0.9 * APART_S) == []
+    assert pace.take_due_keys(10.0 + 0.9 * APART_S) == []
     assert pace.wait_s(10.0, 0.1) == pytest.approx(APART_S)
-    assert pace.due(10.0 + APART_S) == ["page 4"]
-    assert pace.due(11.0) == []
+    assert pace.take_due_keys(10.0 + APART_S) == ["page 4"]
+    assert pace.take_due_keys(11.0) == []
     assert pace.wait_s(11.0, 0.1) == 0.1
 
 
 def test_a_thread_that_was_held_up_takes_no_key_for_alone_before_it_has_read_the_rest() -> None:
-    pace = Pace[str]()
+    pace = KeyPace[str]()
     pace.hold("4", "4", 0.0)
     # It comes late: what it reads now may have come close behind.
     assert pace.hold("enter", "enter", 0.3)
-    assert pace.due(1.0) == []
+    assert pace.take_due_keys(1.0) == []
 
 
 @pytest.mark.parametrize("apart_s", [0.0, 0.03])
 def test_an_action_close_to_a_stop_is_not_taken(apart_s: float) -> None:
-    before, behind = Pace[str](), Pace[str]()
+    before, behind = KeyPace[str](), KeyPace[str]()
     before.hold("f6", "f6", 0.0)
     assert before.hear("space", apart_s)
-    assert before.due(1.0) == []
+    assert before.take_due_keys(1.0) == []
     behind.hear("space", 0.0)
     assert behind.hold("f6", "f6", apart_s)
-    assert behind.due(1.0) == []
+    assert behind.take_due_keys(1.0) == []
 
 
 def test_what_a_scanner_writes_into_a_field_is_not_ended_by_its_enter() -> None:
-    pace = Pace[str]()
+    pace = KeyPace[str]()
     told = [pace.write(key, 0.01 * n, character=True) for n, key in enumerate("10024")]
     assert told == [False, False, True, True, True]
     assert pace.hold("enter", "enter", 0.05)
@@ -328,28 +330,33 @@ def test_what_a_scanner_writes_into_a_field_is_not_ended_by_its_enter() -> None:
 
 
 def test_what_a_person_writes_into_a_field_is_ended_by_enter() -> None:
-    pace = Pace[str]()
+    pace = KeyPace[str]()
     # Two characters in one piece: a slow line, or a fast hand.
     told = [pace.write(key, at_s, character=True) for key, at_s in zip("1314", (0.0, 0.1, 0.11, 0.2), strict=True)]
     assert told == [False] * 4
     assert not pace.hold("enter", "enter", 0.3)
-    assert pace.due(0.4) == ["enter"]
+    assert pace.take_due_keys(0.4) == ["enter"]
 
 
 def test_a_backspace_that_is_held_down_in_a_field_is_no_scanner() -> None:
-    pace = Pace[str]()
+    pace = KeyPace[str]()
     assert not any(pace.write("backspace", 0.03 * n, character=False) for n in range(20))
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 0.2), st.sampled_from("14jk"))))
 def test_what_is_taken_had_no_other_key_close_to_it(gaps: list[tuple[float, str]]) -> None:
-    pace, at_s, heard, done = Pace[tuple[str, float]](), 0.0, list[tuple[str, float]](), list[tuple[str, float]]()
+    pace, at_s, heard, done = (
+        KeyPace[tuple[str, float]](),
+        0.0,
+        list[tuple[str, float]](),
+        list[tuple[str, float]](),
+    )
     for gap_s, key in gaps:
         at_s += gap_s
-        done += pace.due(at_s - 1e-6)
+        done += pace.take_due_keys(at_s - 1e-6)
         pace.hold(key, (key, at_s), at_s)
         heard.append((key, at_s))
-    done += pace.due(at_s + 1.0)
+    done += pace.take_due_keys(at_s + 1.0)
     for key, taken_s in done:
         assert all(other == key or abs(other_s - taken_s) > 0.9 * APART_S for other, other_s in heard)
 
@@ -362,13 +369,13 @@ FAST_S = 0.004
 
 def heard(*pieces: tuple[float, str], gap_s: float = FAST_S) -> list[Scan]:
     """What is made of pieces of terminal input, each at its time, its characters a moment apart."""
-    pace, codes = Pace[str](), Collector()
+    pace, codes = KeyPace[str](), ScanCollector()
     said: list[Scan | None] = []
     reader, at_s = Reader(), 0.0
     for begin_s, piece in pieces:
         at_s = max(at_s, begin_s)
-        said.append(codes.due(at_s))
-        pace.due(at_s - 1e-6)  # what was held back was done meanwhile
+        said.append(codes.take_due_scan(at_s))
+        pace.take_due_keys(at_s - 1e-6)  # what was held back was done meanwhile
         for character in piece:
             at_s += gap_s
             for event in reader.read(character, at_s):
@@ -377,7 +384,7 @@ def heard(*pieces: tuple[float, str], gap_s: float = FAST_S) -> list[Scan]:
                 said.append(
                     codes.hear(event.key, event.character, at_s, burst=burst, written=False, stopped=False)
                 )
-    said.append(codes.due(at_s + 10.0))
+    said.append(codes.take_due_scan(at_s + 10.0))
     return [each for each in said if each is not None]
 
 
@@ -438,18 +445,18 @@ def entries(*names: str) -> list[LibraryEntry]:
 def test_a_name_is_found_as_written_else_in_whatever_case() -> None:
     jobs = entries("flange-1", "Flange-2", "FLANGE-2", "ring")
     for name, expected in (("flange-1", "flange-1"), ("RING", "ring"), ("FLANGE-2", "FLANGE-2")):
-        entry = found(jobs, name)
+        entry = find_job(jobs, name)
         assert isinstance(entry, LibraryEntry) and entry.name == expected
     for name, code in (("flange-2", "screen.scanned_several"), ("flange", "screen.scanned_no_job")):
-        problem = found(jobs, name)
+        problem = find_job(jobs, name)
         assert isinstance(problem, Problem) and problem.code == code
 
 
 def test_a_name_in_hangul_is_not_taken_for_its_keys() -> None:
-    entry = found(entries("플랜지", "vmffoswl"), "플랜지")
+    entry = find_job(entries("플랜지", "vmffoswl"), "플랜지")
     assert isinstance(entry, LibraryEntry) and entry.name == "플랜지"
 
 
 def test_what_is_shown_is_harmless_and_short() -> None:
-    assert "\x1b" not in shown("job:\x1b[2J")
-    assert len(shown("x" * 500)) == LONGEST
+    assert "\x1b" not in printable_code("job:\x1b[2J")
+    assert len(printable_code("x" * 500)) == LONGEST

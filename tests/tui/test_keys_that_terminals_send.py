@@ -18,7 +18,7 @@ from textual.message import Message
 
 from console.flight.notes import Inbox
 from console.flight.recorded_control import RecordedControl
-from console.session.station.link.opening import Opened
+from console.session.station.link.opening import OpenMachine
 from console.session.station.link_thread import LinkThread
 from console.session.station.state import StationState
 from console.text.catalogue import load
@@ -26,11 +26,11 @@ from console.tui import driver
 from console.tui.application.key_releases import KeyReleases
 from console.tui.application.listening import ListeningApp
 from console.tui.application.logged_control import LoggedControl
-from console.tui.application.scan_collector import Collector
+from console.tui.application.scan_collector import ScanCollector
 from console.tui.driver import Reader, StopDriver
-from console.tui.gate import UNCONFIRMED, UNREADABLE, Situation, Verdict, judge, stop_reason
+from console.tui.gate import UNCONFIRMED, UNREADABLE, KeyDecision, KeySituation, judge, stop_reason
 from console.tui.keymap import PageName
-from console.tui.pace import Pace
+from console.tui.pace import KeyPace
 from console.tui.theme import MONO
 from console.tui.ui_context import UiContext
 from drivers.lathe.stop import StopPath
@@ -42,7 +42,7 @@ from tests.drivers.test_recovery import Wire
 from tests.tui.stage import answered_age
 from tests.tui.test_terminal_answers import ANSWERS
 
-CUTTING = Situation(page=PageName.RUN, moving=True)
+CUTTING = KeySituation(page=PageName.RUN, moving=True)
 
 # The table of functional keys of the protocol, by its numbers: locks and Print Screen, media keys, modifiers.
 MEANINGLESS = {*range(57358, 57362), *range(57428, 57455)}
@@ -95,23 +95,23 @@ def test_in_a_cut_each_key_of_the_protocol_stops_or_has_a_meaning_but_those_with
         for stroke in ("", ":1", ":2"):
             (key,) = keys_of(reader, f"\x1b[{number};{modifiers}{stroke}{final}")
             verdict, _ = judge(key.key, key.character, CUTTING)
-            assert (verdict is Verdict.NOTHING) is meaningless, key.key
+            assert (verdict is KeyDecision.NOTHING) is meaningless, key.key
         released = [key.key for key in keys_of(reader, f"\x1b[{number};{modifiers}:3{final}")]
         assert released == ([] if answers or meaningless else [UNREADABLE])
     if modifiers == 1:
         (key,) = keys_of(reader, f"\x1b[{number}{final}" if number != "1" else f"\x1b[{final}")
-        assert (judge(key.key, None, CUTTING)[0] is Verdict.NOTHING) is meaningless
+        assert (judge(key.key, None, CUTTING)[0] is KeyDecision.NOTHING) is meaningless
 
 
 class Cutting(StopDriver):
     """The thread that reads keys, in a cut; it is the application as well."""
 
     def __init__(self) -> None:
-        self._pace, self._codes, self._stopped_s = Pace(), Collector(), float("-inf")
+        self._pace, self._codes, self._stopped_s = KeyPace(), ScanCollector(), float("-inf")
         self.age, self._drops = answered_age(), False
         self._app, self.stops = self, list[str]()  # type: ignore[assignment]
 
-    def situation(self) -> Situation:
+    def situation(self) -> KeySituation:
         return CUTTING
 
     def stop_now(self, reason: str) -> None:
@@ -177,9 +177,9 @@ def test_the_keypad_of_a_vt400_never_becomes_a_function_key_that_moves() -> None
 
 def test_what_may_be_another_key_stops_what_moves() -> None:
     for key in (UNREADABLE, UNCONFIRMED):
-        assert judge(key, None, CUTTING) == (Verdict.STOP, None)
+        assert judge(key, None, CUTTING) == (KeyDecision.STOP, None)
         assert stop_reason(key, None, None) == UNREADABLE
-        assert judge(key, None, Situation(page=PageName.RUN))[0] is Verdict.NOTHING
+        assert judge(key, None, KeySituation(page=PageName.RUN))[0] is KeyDecision.NOTHING
 
 
 def test_f1_to_f4_are_kitty_s_only_where_the_terminal_speaks_its_protocol() -> None:
@@ -197,7 +197,7 @@ class Listening(StopDriver):
     def __init__(self, pieces: list[tuple[bytes, int]]) -> None:
         self.fileno, self._writes = os.pipe()
         self._pieces, self.heard, self.exit_event = pieces, list[str](), threading.Event()
-        self._pace, self._codes, self.releases = Pace(), Collector(), KeyReleases()
+        self._pace, self._codes, self.releases = KeyPace(), ScanCollector(), KeyReleases()
         self.age, self._keyed, self._writer_thread = answered_age(), False, None
         os.write(self._writes, pieces[0][0])
 
@@ -276,8 +276,8 @@ class Screen:
     def __init__(self, ui: UiContext) -> None:
         self.ui = ui
 
-    def situation(self) -> Situation:
-        return Situation(page=PageName.RUN, moving=True)
+    def situation(self) -> KeySituation:
+        return KeySituation(page=PageName.RUN, moving=True)
 
 
 class Driver(StopDriver):
@@ -285,7 +285,7 @@ class Driver(StopDriver):
 
     def __init__(self, app: Screen) -> None:
         self._app = app  # type: ignore[assignment]
-        self._pace, self._codes, self._stopped_s = Pace(), Collector(), float("-inf")
+        self._pace, self._codes, self._stopped_s = KeyPace(), ScanCollector(), float("-inf")
         self.age, self._drops, self.cursor_origin = answered_age(), False, None
         self.queue: list[Message] = []
 
@@ -306,9 +306,9 @@ def key_thread(monkeypatch: pytest.MonkeyPatch | None = None) -> tuple[Measured,
         monkeypatch.setattr(Inbox, "put", fails)
         tap, trace = fails, SimpleNamespace(write=fails)
     link = TappedLink(TracedLink(TappedLink(RenewableLink(wire), tap), trace, time.monotonic), tap)
-    thread = LinkThread("a lathe", True, lambda: cast("Opened", None))
+    thread = LinkThread("a lathe", True, lambda: cast("OpenMachine", None))
     station = cast("Any", SimpleNamespace(state=StationState(machine="a lathe", simulated=True)))
-    thread._opened = Opened(station=station, stop=StopPath(link), close=lambda: None)
+    thread._opened = OpenMachine(station=station, stop=StopPath(link), close=lambda: None)
     control = LoggedControl(RecordedControl(thread, inbox), fails, fails)  # type: ignore[arg-type]
     ui = UiContext(
         text=load("en"), palette=MONO, control=control, machine=machine, data=Path(), go=lambda page: None

@@ -18,11 +18,11 @@ from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState
-from console.session.work import Work, edited, opened, with_strategy
+from console.session.work import Work, edit_field, open_work, with_strategy
 from console.text.catalogue import load
 from console.text.part_sentences import force_words
 from console.tui.gate import FieldKind
-from console.tui.lines import plain
+from console.tui.lines import plain_text
 from console.tui.pages.inspect import InspectPage
 from console.tui.pages.learn_lines import learn_lines
 from console.tui.pages.learning_keys import accept_part
@@ -31,8 +31,8 @@ from console.tui.pages.run import RunPage
 from console.tui.previewing import ChosenPath
 from drivers.cutting.planning import CutPlan, Strategy
 from drivers.preview.preview import all_asked, program_of
-from profiles.compensations.force_null import ForceNull, Sign, Why, unknown
-from profiles.compensations.learned import LearnedCompensation
+from profiles.compensations.force_null import ForceNull, ForceNullReason, Sign, unknown
+from profiles.compensations.learned_compensation import LearnedCompensation
 from profiles.fingerprint.readings import ClampReadings
 from profiles.problem import Problem
 from profiles.store import load_job
@@ -117,7 +117,7 @@ async def test_a_disk_error_is_told_and_changes_nothing(tmp_path: Path) -> None:
     ("work", "state", "code"),
     [
         (cam(), StationState(activity=Activity.READY), "learned.no_part"),
-        (edited(cam(), "depth_of_cut_mm", "0.05"), MEASURED, "learned.edited_now"),
+        (edit_field(cam(), "depth_of_cut_mm", "0.05"), MEASURED, "learned.edited_now"),
         (replace(cam(), loaded=replace(cam().loaded, sha256="f" * 64)), MEASURED, "learned.other_job"),
         (cam(), replace(MEASURED, measured=without(Problem(code="learned.nothing"))), "learned.nothing"),
     ],
@@ -158,7 +158,7 @@ def test_of_half_a_part_it_is_said_what_is_right_and_nothing_is_judged(tmp_path:
     page = shown_on(InspectPage, replace(MEASURED, measured=half), work=cam())
     assert "PASS" not in page.text and "half cut: not judged" in page.text
     assert "full compensation next" in page.next_step
-    rows = plain(learn_lines(PART.learning, cam(), load("en"), 76))
+    rows = plain_text(learn_lines(PART.learning, cam(), load("en"), 76))
     assert "within clamping scatter (± 9.2 um): leave it." in " ".join(rows.split())
 
 
@@ -189,7 +189,7 @@ async def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None
 
 
 async def test_an_edited_job_has_no_version_and_the_printed_program_has_no_half(tmp_path: Path) -> None:
-    async with on_page(OnPreview, tmp_path, work=edited(cam(), "depth_of_cut_mm", "0.05")) as stage:
+    async with on_page(OnPreview, tmp_path, work=edit_field(cam(), "depth_of_cut_mm", "0.05")) as stage:
         await stage.act("preview.learned")
         assert stage.codes == ["learned.edited_now"]
         stage.ui.work = replace(with_strategy(cam(), "paper"), stage="air")
@@ -272,16 +272,16 @@ async def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(t
     assert found.found is not None and not found.reasons
     state = replace(MEASURED, measured=replace(made, trace=trace, lobe=found))
     ratio = found.found.fit.error_um_pp / loaded.job.lobe_error_um_pp
-    async with on_page(OnInspect, tmp_path, work=opened(loaded, signed().machine), state=state) as stage:
+    async with on_page(OnInspect, tmp_path, work=open_work(loaded, signed().machine), state=state) as stage:
 
         def jobs() -> list[str]:
             return [path.name for path in tmp_path.rglob("*.toml")]
 
         for typed in ("", "1.5", "x"):
-            stage.ui.said = ()
+            stage.ui.key_answer = ()
             await stage.act("inspect.accept")
             assert (stage.codes, stage.page.field, jobs()) == (["calibration.step"], FieldKind.NUMBER, [])
-            assert "R <> D" in repr(stage.ui.said) and "type out" in stage.next_step
+            assert "R <> D" in repr(stage.ui.key_answer) and "type out" in stage.next_step
             stage.page._entry.value = typed  # type: ignore[attr-defined]
             await stage.act("inspect.next")
             assert jobs() == [] and stage.gone == []
@@ -297,14 +297,14 @@ async def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(t
 def test_the_preview_is_of_the_path_that_is_cut_turned_to_jaw_1() -> None:
     one, chosen = learned(), ChosenPath()
     work = replace(cam(), compensation=one)
-    path = chosen.of(work, JAW, simulated=True)
-    assert path is not None and path is chosen.of(replace(work), JAW, simulated=True)
+    path = chosen.path_for(work, JAW, simulated=True)
+    assert path is not None and path is chosen.path_for(replace(work), JAW, simulated=True)
     turn_deg = (12.63 - work.job.jaw_1_deg) % 120.0
     assert (path.target.phase_deg - one.path.target.phase_deg) % 120.0 == pytest.approx(turn_deg)
-    half = chosen.of(replace(work, stage="partial"), JAW, simulated=True)
+    half = chosen.path_for(replace(work, stage="partial"), JAW, simulated=True)
     assert half is not None and half.target.amplitude_um == pytest.approx(0.5 * path.target.amplitude_um)
-    assert chosen.of(cam(), JAW, simulated=True) is None
-    assert chosen.of(with_strategy(work, "pvt"), JAW, simulated=True) is None
+    assert chosen.path_for(cam(), JAW, simulated=True) is None
+    assert chosen.path_for(with_strategy(work, "pvt"), JAW, simulated=True) is None
 
 
 def learned() -> LearnedCompensation:
@@ -353,7 +353,7 @@ def test_every_verdict_and_every_reason_has_words() -> None:
     for language in LANGUAGES:
         text = load(language)
         said = [force_words(replace(WRONG, sign=sign), text) for sign in Sign if sign is not Sign.UNKNOWN]
-        said += [force_words(unknown(3, why), text) for why in Why if why is not Why.NONE]
+        said += [force_words(unknown(3, why), text) for why in ForceNullReason if why is not ForceNullReason.NONE]
         assert len(set(said)) == 9 and all("{" not in each for each in said)
 
 
@@ -374,7 +374,9 @@ def words_of(page: Shown) -> str:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize(("what", "found"), [("wrong", WRONG), ("right", RIGHT), ("round", unknown(3, Why.ROUND))])
+@pytest.mark.parametrize(
+    ("what", "found"), [("wrong", WRONG), ("right", RIGHT), ("round", unknown(3, ForceNullReason.ROUND))]
+)
 def test_run_says_it_after_the_cut(language: str, what: str, found: ForceNull) -> None:
     done = run_stage.cut(CutStage.DONE, figures=run_stage.FIGURES, force=found)
     page = shown_on(RunPage, run_stage.state(cut=done, cut_done=True), language=language)

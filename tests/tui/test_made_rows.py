@@ -20,16 +20,16 @@ from textual.pilot import Pilot
 from textual.widget import Widget
 
 from console.__main__ import main
-from console.session.station.alarms import Priority, raised
+from console.session.station.alarms import Priority, raise_alarm
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import LiveCatalogue, load
 from console.tui import frame_rows as module
-from console.tui.app import Collector
+from console.tui.app import GarbageCollector
 from console.tui.frame import Frame, frame_rows
 from console.tui.frame_rows import MadeRows
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import Line, Sheet, line, plain
+from console.tui.lines import Line, Sheet, line, plain_text
 from console.tui.theme import COLOUR, Token
 from drivers.lathe.snapshot import Snapshot
 from profiles.problem import Problem
@@ -62,8 +62,8 @@ def frame(state: StationState, **changes: object) -> Frame:
 def shows(before: Frame, now: Frame, width: int = 100, height: int = 30) -> None:
     """What is shown after another frame is what would be shown without it."""
     rows = MadeRows()
-    rows.of(before, width, height)
-    assert rows.of(now, width, height) == frame_rows(now, width, height)
+    rows.frame_lines(before, width, height)
+    assert rows.frame_lines(now, width, height) == frame_rows(now, width, height)
 
 
 STATES = [
@@ -95,35 +95,37 @@ def test_each_field_of_a_poll_is_shown_as_soon_as_it_is_new(name: str) -> None:
 def test_the_clock_shows_its_next_minute_and_an_old_state_its_age() -> None:
     ready = SCENES[0].state
     rows = MadeRows()
-    assert "08:41" in plain(rows.of(frame(ready), 100, 30)["state"])
-    assert "08:42" in plain(rows.of(frame(ready, clock=CLOCK + timedelta(seconds=1)), 100, 30)["state"])
+    assert "08:41" in plain_text(rows.frame_lines(frame(ready), 100, 30)["state"])
+    assert "08:42" in plain_text(
+        rows.frame_lines(frame(ready, clock=CLOCK + timedelta(seconds=1)), 100, 30)["state"]
+    )
     for after_s in (0.5, 1.2, 2.2, 3.2):
         shows(frame(ready), frame(ready, now_s=NOW_S + after_s))
-    old = plain(rows.of(frame(ready, now_s=NOW_S + 7.0), 100, 30)["state"])
-    older = plain(rows.of(frame(ready, now_s=NOW_S + 9.0), 100, 30)["state"])
+    old = plain_text(rows.frame_lines(frame(ready, now_s=NOW_S + 7.0), 100, 30)["state"])
+    older = plain_text(rows.frame_lines(frame(ready, now_s=NOW_S + 9.0), 100, 30)["state"])
     assert old != older
 
 
 def test_another_size_language_unit_or_page_is_shown() -> None:
     text, rows = LiveCatalogue("en"), MadeRows()
     before = frame(SCENES[0].state, text=text)
-    english = rows.of(before, 100, 30)
-    assert rows.of(before, 80, 24) == frame_rows(before, 80, 24) != english
-    rows.of(before, 100, 30)
+    english = rows.frame_lines(before, 100, 30)
+    assert rows.frame_lines(before, 80, 24) == frame_rows(before, 80, 24) != english
+    rows.frame_lines(before, 100, 30)
     text.speak("ko")  # the texts of a screen change in place
-    assert rows.of(before, 100, 30) == frame_rows(before, 100, 30) != english
+    assert rows.frame_lines(before, 100, 30) == frame_rows(before, 100, 30) != english
     behind = Problem(code="machine.left_behind", key="tool", value="0.3 mm", limit="0.15 mm")
-    alarmed = replace(before, state=replace(before.state, alarms=raised((), behind, Priority.HIGH, 1.0)))
-    metric = rows.of(alarmed, 100, 30)
+    alarmed = replace(before, state=replace(before.state, alarms=raise_alarm((), behind, Priority.HIGH, 1.0)))
+    metric = rows.frame_lines(alarmed, 100, 30)
     text.measure("inch")
-    assert rows.of(alarmed, 100, 30) == frame_rows(alarmed, 100, 30) != metric
+    assert rows.frame_lines(alarmed, 100, 30) == frame_rows(alarmed, 100, 30) != metric
     shows(before, replace(before, page=PageName.ALIGN))
 
 
 def test_an_answer_an_alarm_and_what_to_do_next_are_shown() -> None:
     before = frame(SCENES[0].state)
     said = (Problem(code="screen.busy", key="F5"),)
-    alarmed = replace(before.state, alarms=raised((), Problem(code="link.silent"), Priority.HIGH, 1.0))
+    alarmed = replace(before.state, alarms=raise_alarm((), Problem(code="link.silent"), Priority.HIGH, 1.0))
     for now in (
         replace(before, said=said),
         replace(before, state=alarmed),
@@ -152,7 +154,7 @@ def test_polls_of_a_machine_at_rest_make_no_row_anew(monkeypatch: pytest.MonkeyP
         tool = replace(first.state.snapshot.tool, position=float(poll % 2))  # the last count of an encoder
         snapshot = replace(first.state.snapshot, asked_s=at_s, at_s=at_s, tool=tool)
         state = replace(first.state, snapshot=snapshot, at_s=at_s)
-        rows.of(replace(first, state=state, now_s=at_s + 0.05, clock=CLOCK.replace(second=poll)), 100, 30)
+        rows.frame_lines(replace(first, state=state, now_s=at_s + 0.05, clock=CLOCK.replace(second=poll)), 100, 30)
     assert len(made) == 1
 
 
@@ -285,7 +287,7 @@ async def test_a_tick_without_news_paints_nothing_on_any_page(
                     app.tick()
                     assert painted, "what is painted would not be seen"
                 painted.clear()
-                app.ui.said = ()
+                app.ui.key_answer = ()
         assert app.fault is None
 
 
@@ -317,7 +319,7 @@ def full() -> Iterator[Callable[[], int]]:
 
 
 def test_nothing_old_is_collected_while_something_may_move(full: Callable[[], int]) -> None:
-    collector = Collector()
+    collector = GarbageCollector()
     collector.spare(True)
     kept = [[number] for number in range(OBJECTS)]
     assert full() == 0
@@ -327,7 +329,7 @@ def test_nothing_old_is_collected_while_something_may_move(full: Callable[[], in
 
 
 def test_young_garbage_is_collected_while_something_may_move(full: Callable[[], int]) -> None:
-    collector = Collector()
+    collector = GarbageCollector()
     collector.spare(True)
     before = len(gc.get_objects())
     for _ in range(OBJECTS // 10):

@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from console.session.station.alarms import Priority, raised
+from console.session.station.alarms import Priority, raise_alarm
 from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName, actions_of
 from console.tui.layout import SMALLEST
-from console.tui.pages.fields import named
+from console.tui.pages.fields import name_field
 from profiles.problem import Problem
 from tests.tui import align_stage, run_stage
 from tests.tui.scenes import Scene, console_on, rows_of, scene_of, settle
@@ -69,23 +69,23 @@ async def test_an_answer_takes_lines_from_the_page_and_gives_them_back(page: Pag
     scene = scene_of(page)
     async with play(replace(scene, state=replace(scene.state, alarms=())), tmp_path) as (app, pilot, _):
         before = rows_of(app)
-        answered = app.ui.said
+        answered = app.ui.key_answer
         for said in (REFUSED, ENDLESS):
-            app.ui.said = said
+            app.ui.key_answer = said
             await settle(app, pilot)
             rows = rows_of(app)
-            assert app.ui.said == said, "something went wrong on a page with little room"
+            assert app.ui.key_answer == said, "something went wrong on a page with little room"
             assert (len(rows), rows[-1]) == (24, before[-1])
             assert text("frame.stop") in rows[-2] or text("frame.stop_in_text") in rows[-2]
             assert rows[0] == before[0]
-        app.ui.said = REFUSED
+        app.ui.key_answer = REFUSED
         await settle(app, pilot)
         rows = rows_of(app)
         more = f"+2 {text('frame.all')}"
         assert more in rows[1]
         shown = one_word(" ".join(rows[1:9]).replace(more, ""))
-        assert one_word(text.problem(named(REFUSED[0], text))) in shown
-        app.ui.said = answered
+        assert one_word(text.problem(name_field(REFUSED[0], text))) in shown
+        app.ui.key_answer = answered
         await settle(app, pilot)
         assert rows_of(app) == before or page is PageName.LOG  # which has the answers, too
 
@@ -110,18 +110,18 @@ async def test_w_shows_all_answers_and_alarms_and_what_the_page_asks_for(languag
     """On Set-up in a low panel: findings that had no room, several answers, an alarm."""
     text = load(language)
     scene = replace(scene_of(PageName.SETUP), keys=())
-    alarms = raised((), Problem(code="machine.fault", key="X", value="tool"), Priority.HIGH, 1.0)
+    alarms = raise_alarm((), Problem(code="machine.fault", key="X", value="tool"), Priority.HIGH, 1.0)
     async with play(scene, tmp_path, language=language) as (app, pilot, control):
         before = rows_of(app)
         control.state = replace(control.state, alarms=alarms)
-        app.ui.said = REFUSED
+        app.ui.key_answer = REFUSED
         await pilot.press("w")
         shown = await read_through(app, pilot)
         for problem in REFUSED:
-            assert one_word(text.problem(named(problem, text))) in shown
+            assert one_word(text.problem(name_field(problem, text))) in shown
         assert one_word(text.problem(alarms[0].problem)) in shown
         assert one_word(text("name.rule.feed_over_land")) in shown
-        assert app.ui.said == REFUSED
+        assert app.ui.key_answer == REFUSED
         control.state = replace(control.state, alarms=())
         await pilot.press("backspace")
         await settle(app, pilot)
@@ -168,7 +168,7 @@ async def test_an_entry_stays_in_its_row_while_an_answer_comes_and_goes_on_after
     """The form moves up under the cursor: what is typed is seen where its brackets are."""
     async with play(scene_of(PageName.SETUP), tmp_path) as (app, pilot, _):
         for said in (ENDLESS, ()):
-            app.ui.said = said
+            app.ui.key_answer = said
             await settle(app, pilot)
             assert [row for row in rows_of(app) if "▸" in row and "[1,200     ]" in row]
         for key, expected in (("w", "[1,2009    ]"), ("?", "[1,20099   ]")):
@@ -184,7 +184,7 @@ async def test_an_entry_stays_in_its_row_while_an_answer_comes_and_goes_on_after
 @pytest.mark.parametrize("language", LANGUAGES)
 async def test_a_terminal_that_is_too_small_still_says_what_cannot_wait(language: str, tmp_path: Path) -> None:
     text = load(language)
-    alarms = raised((), Problem(code="machine.not_at_rest", value="5 s"), Priority.HIGH, 1.0)
+    alarms = raise_alarm((), Problem(code="machine.not_at_rest", value="5 s"), Priority.HIGH, 1.0)
     stop = StopState(reason="space", killed=False, sent_s=98.0, delivered=False)
     scene = at(PageName.JOBS, replace(UNDELIVERED, stop=stop, alarms=alarms))
     async with play(scene, tmp_path, size=(40, 12), language=language) as (app, _, _):
@@ -321,4 +321,4 @@ async def test_a_storm_of_sizes_breaks_nothing(page: PageName, tmp_path: Path) -
             app.tick()
         await resize(app, pilot, USUAL)
         assert rows_of(app) == before
-        assert app.ui.said == ()
+        assert app.ui.key_answer == ()

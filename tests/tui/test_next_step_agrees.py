@@ -17,12 +17,12 @@ from console.session.data.learned_store import store
 from console.session.data.stop_records import simulated_record
 from console.session.data.stop_records import store as store_stops
 from console.session.station.commands import Verify
+from console.session.station.machine_connection import CommissioningGate
 from console.session.station.progress import CutStage
-from console.session.station.reaching import Commissioned
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, with_strategy
 from console.text.catalogue import load
-from console.tui.lines import plain
+from console.tui.lines import plain_text
 from console.tui.pages import run as run_page
 from console.tui.pages.align import AlignPage
 from console.tui.pages.inspect import InspectPage
@@ -40,7 +40,7 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.compensations.causes import Cause, CauseKind
-from profiles.compensations.learned import (
+from profiles.compensations.learned_compensation import (
     ExpectedPart,
     LearnedCompensation,
     as_table,
@@ -80,7 +80,7 @@ def panel(measured: MeasuredPart) -> str:
     """What the panel Learn says, as w shows it."""
     assert measured.learning is not None
     failed = measured.result.ront_um > measured.job.roundness_tolerance_um
-    return " ".join(plain(learn_lines(measured.learning, cam(), EN, 76, failed=failed)).split())
+    return " ".join(plain_text(learn_lines(measured.learning, cam(), EN, 76, failed=failed)).split())
 
 
 def test_what_may_not_help_is_not_offered_and_what_is_offered_is_not_called_so() -> None:
@@ -318,7 +318,7 @@ async def test_a_version_that_is_set_aside_is_told_with_the_key_that_uses_it(
         assert (problem.code, problem.key) == ("learned.set_aside", "1")
         assert "· w" in stage.text and stage.next_step.startswith(text("preview_page.next_aside"))
         assert cell_len(stage.next_step) <= 77
-        assert text.problem(problem)[:20] in plain(stage.page.in_full(stage.view, 200))
+        assert text.problem(problem)[:20] in plain_text(stage.page.in_full(stage.view, 200))
         await stage.act("preview.learned")
         assert (stage.ui.work.compensation, stage.ui.work.set_aside) == (learned(), ())
     run = shown_on(RunPage, run_stage.state(), work=aside[0], language=language)
@@ -374,14 +374,14 @@ def test_the_preview_is_asked_for_with_what_the_part_says_turned_to_where_jaw_1_
     assert part_of is not None
     off = replace(learned(), part=replace(part_of, lobe=replace(part_of.lobe, amplitude_um=5.0)))
     work, jaw = cut_with(off), Alignment(jaw=JawAngle(angle_deg=12.63, jaws=3, at="2 Jan 08:45"))
-    path, told = ChosenPath().of(work, jaw, simulated=True), expected_part(off)
-    seen = Previewer().refreshed(work, jaw, path=path).outlook
+    path, told = ChosenPath().path_for(work, jaw, simulated=True), expected_part(off)
+    seen = Previewer().refresh_work(work, jaw, path=path).outlook
     assert path is not None and seen is not None and seen.taught is not None and told is not None
     assert seen.taught.ront_um == told.ront_um
     turned_deg = seen.taught.lobe.phase_deg - told.lobe.phase_deg
     assert turned_deg % 120.0 == pytest.approx((12.63 - work.job.jaw_1_deg) % 120.0)
-    in_air = Previewer().refreshed(replace(work, stage="air"), jaw, path=path).outlook
-    by_model = Previewer().refreshed(replace(work, compensation=None), jaw).outlook
+    in_air = Previewer().refresh_work(replace(work, stage="air"), jaw, path=path).outlook
+    by_model = Previewer().refresh_work(replace(work, compensation=None), jaw).outlook
     assert in_air is not None and by_model is not None and (in_air.taught, by_model.taught) == (None, None)
 
 
@@ -436,7 +436,7 @@ def test_the_machine_is_asked_when_it_is_verified(tmp_path: Path) -> None:
     client = PmacClient(MemoryLink(floor.sim.connect(), floor.sim), floor.sim)
     client.connect()
     heartbeat = Heartbeat(client, floor.sim, machine)
-    floor.context.commissioned = Commissioned(
+    floor.context.commissioned = CommissioningGate(
         client, heartbeat, machine, tmp_path, lambda: machine.controller.axis_definitions, simulated=False
     )
     assert [each.code for each in floor.do(Verify()).uncommissioned] == ["stops.no_record"]

@@ -26,23 +26,23 @@ from console.tui.keymap import PageName
 from console.tui.lines import (
     BLANK,
     Line,
-    changed,
-    clipped,
+    clip_lines,
     fact,
-    fitted,
+    find_changed_cells,
+    fit_text,
     hanging,
+    justify_line,
     line,
     name_among,
     name_in,
-    plain,
-    ranged,
+    plain_text,
     to_strip,
     width_of,
-    wrapped,
+    wrap_line,
 )
 from console.tui.list_panel import message_lines
 from console.tui.pages import preview_lines, setup_lines
-from console.tui.pages.fields import FORM, judge, name_problem, named
+from console.tui.pages.fields import FORM, judge, name_field, name_problem
 from console.tui.pages.learn_lines import reason_lines
 from console.tui.pages.run_lines import check_lines
 from console.tui.pages.setup_lines import FormState, form
@@ -91,7 +91,7 @@ def filled(language: str) -> Iterator[str]:
 
 def letters(lines: Sequence[Line], without: str = "") -> str:
     """What is written, without the blanks that lines are broken at, and without what stands beside it."""
-    text = plain(lines)
+    text = plain_text(lines)
     assert without in text.split("\n")[0]
     return "".join(text.replace(without, "", 1).split())
 
@@ -131,7 +131,7 @@ def test_every_problem_is_whole_as_an_alarm_and_as_an_answer(language: str) -> N
         unseen, seen = alarmed(problem), alarmed(problem, acknowledged=True)
         assert letters(fits(frame(unseen, language))["alarm"], acknowledge) == f"!!!{sentence}"
         assert letters(fits(frame(seen, language))["alarm"], f"{count} {shown}") == f"!!!{sentence}"
-        answer = one_word(text.problem(named(problem, text)))
+        answer = one_word(text.problem(name_field(problem, text)))
         alone, others = (problem,), (problem, problem, problem)
         assert letters(fits(frame(READY, language, said=alone))["alarm"]) == f"–{answer}"
         assert letters(fits(frame(replace(READY, refusals=alone), language))["alarm"]) == f"–{answer}"
@@ -156,9 +156,9 @@ def test_beside_the_longest_alarm_an_answer_is_whole_or_says_what_shows_it(langu
         rows = fits(frame(alarmed(alarm), language, said=(answer,)))
         count = f"{text('frame.acknowledge', count=ALARMS)} {text('frame.all')}"
         assert letters(rows["alarm"], count) == f"!!!{one_word(text.problem(alarm))}"
-        whole = letters(rows["next"]) == f"–{one_word(text.problem(named(answer, text)))}"
+        whole = letters(rows["next"]) == f"–{one_word(text.problem(name_field(answer, text)))}"
         assert whole is (answer is not alarm)
-        assert whole or plain(rows["next"][-1:]) == text("panel.more")
+        assert whole or plain_text(rows["next"][-1:]) == text("panel.more")
 
 
 UNDELIVERED = replace(STOPPED, stop=StopState(reason="space", killed=False, sent_s=1.0, delivered=False))
@@ -186,7 +186,7 @@ def test_what_stands_beside_the_stop_key_is_whole_and_the_key_in_its_place(key: 
         now = frame(OF_THE_STOP_ROW[key], language, field=field)
         *above, last = rows = stop_row(now, width)
         stop = text("frame.stop") if field is FieldKind.NONE else text("frame.stop_in_text")
-        assert plain([last]).startswith(f" {stop} "), (field, width)
+        assert plain_text([last]).startswith(f" {stop} "), (field, width)
         assert letters([*above, (("", Token.TEXT), *last[1:])]) == one_word(text(key, **facts)), (field, width)
         assert {width_of(each) for each in rows} == {width}
         assert width < COLUMNS or above == []
@@ -201,7 +201,7 @@ def test_what_no_terminal_has_room_for_goes_on_in_the_list(language: str) -> Non
     rows = frame_rows(now, COLUMNS, TERMINAL_ROWS)
     assert sum(len(lines) for lines in rows.values()) == TERMINAL_ROWS - LEAST_BODY
     assert (len(rows["state"]), len(rows["stop"]), len(rows["keys"])) == (1, 1, 1)
-    assert plain(rows["alarm"][-1:]) == text("panel.more")
+    assert plain_text(rows["alarm"][-1:]) == text("panel.more")
     assert letters(message_lines(now, (), COLUMNS)).count("lathe") == 2 * 700
 
 
@@ -214,7 +214,7 @@ def test_the_list_has_every_message_in_full(language: str) -> None:
     shown = letters(rows)
     for problem in each:
         assert f"!!!{one_word(text.problem(problem))}" in shown
-        assert f"–{one_word(text.problem(named(problem, text)))}" in shown
+        assert f"–{one_word(text.problem(name_field(problem, text)))}" in shown
 
 
 # The panels of the pages at 80 x 24: the sentence is there, or the last row says that w shows the rest of it.
@@ -256,14 +256,14 @@ def test_a_panel_has_the_sentence_or_says_what_shows_it(name: str, language: str
     text = load(language)
     cut = 0
     for problem in problems(language):
-        sentence = one_word(text.problem(named(problem, text)))
+        sentence = one_word(text.problem(name_field(problem, text)))
         sentences_ = (sentence, one_word(text.problem(problem)))
         rows = panel(problem, text, width, height)
         assert all(width_of(row) <= width for row in rows)
         if not any(each in letters(rows) for each in sentences_):
             cut += 1
             assert height is not None and len(rows) == height
-            assert plain(rows[-1:]) == text("panel.more")
+            assert plain_text(rows[-1:]) == text("panel.more")
         assert any(each in letters(panel(problem, text, COLUMNS - 2, None)) for each in sentences_)
     assert (cut > 0) is (height is not None), "the fields are too short to try what has no room"
 
@@ -278,10 +278,10 @@ def test_under_the_form_every_refusal_of_an_entry_is_whole(language: str) -> Non
             judged = judge(work, field, typed, text.units)
             entered = FormState(work=work, selected=place, typed=typed, judged=judged)
             rows = form(entered, text, 47, 16)
-            assert rows.entry is not None and "[" in plain([rows.lines[rows.entry[1]]])
+            assert rows.entry is not None and "[" in plain_text([rows.lines[rows.entry[1]]])
             for problem in judged.problems[:1]:
                 refused += 1
-                assert one_word(text.problem(named(problem, text))) in letters(rows.lines)
+                assert one_word(text.problem(name_field(problem, text))) in letters(rows.lines)
     assert refused > 30
     taken = frozenset({"lee-2001-experiment-1-second-clamping-in-the-other-chuck"})
     for name in (*taken, "a/b", "x" * 61):
@@ -308,7 +308,7 @@ def test_after_a_stop_what_to_do_is_on_the_page_in_full(name: str, height: int, 
     assert any(one_word(remedy) in letters(rows) for remedy in remedies)
     if not now.stop.delivered:
         assert one_word(text("run_page.not_delivered")) in letters(rows)
-    assert "…" not in plain(rows).replace(text("panel.more"), "")
+    assert "…" not in plain_text(rows).replace(text("panel.more"), "")
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -317,7 +317,7 @@ def test_a_long_name_of_the_machine_does_not_hide_what_the_machine_does(language
         activity=Activity.LOST,
         machine="a-lathe-with-a-name-as-long-as-a-file-may-have-it-in-the-folder-of-machines",
     )
-    shown = plain(ROWS["state"](frame(lost, language), COLUMNS))
+    shown = plain_text(ROWS["state"](frame(lost, language), COLUMNS))
     assert load(language)("activity.lost") in shown and "a-lathe" in shown
 
 
@@ -341,13 +341,13 @@ lines_ = st.lists(st.tuples(words, tokens), max_size=5).map(tuple)
 
 @given(words, st.integers(0, 40))
 def test_a_fitted_text_has_its_width(text: str, width: int) -> None:
-    assert cell_len(fitted(text, width)) == width
+    assert cell_len(fit_text(text, width)) == width
 
 
 @given(words, st.integers(4, 40))
 def test_a_text_that_is_cut_says_so(text: str, width: int) -> None:
     if cell_len(text) > width:
-        assert "…" in fitted(text, width)
+        assert "…" in fit_text(text, width)
 
 
 @given(words, st.integers(0, 40))
@@ -391,8 +391,8 @@ def test_a_name_among_others_fits_and_is_itself_where_there_is_room(
 
 @given(lines_, words, st.integers(30, 90))
 def test_left_and_right_fill_the_row(left: tuple[tuple[str, Token], ...], right: str, width: int) -> None:
-    right = fitted(right, min(cell_len(right), width))
-    assert width_of(ranged(left, line(right), width)) == width
+    right = fit_text(right, min(cell_len(right), width))
+    assert width_of(justify_line(left, line(right), width)) == width
 
 
 @given(words, words, st.integers(20, 60))
@@ -404,7 +404,7 @@ def test_a_fact_fills_its_row_and_its_value_stands_right(label: str, value: str,
 
 @given(words, st.integers(2, 30))
 def test_wrapping_loses_no_letter_and_no_row_is_too_wide(text: str, width: int) -> None:
-    rows = wrapped(text, width)
+    rows = wrap_line(text, width)
     assert "".join("".join(t for t, _ in row) for row in rows).replace(" ", "") == "".join(text.split())
     assert all(width_of(row) <= width for row in rows)
 
@@ -415,18 +415,18 @@ def test_a_text_behind_its_mark_loses_no_letter_and_what_stands_beside_it_ends_i
 ) -> None:
     rows = hanging((" ! ", Token.ALARM), text, width, beside=beside)
     assert all(width_of(row) <= width for row in rows)
-    assert all(plain([row]).startswith("   ") for row in rows[1:])
-    first = plain(rows[:1])
-    assert first.startswith(" !") and first.endswith(plain([beside]))
-    said = first.removesuffix(plain([beside])) + plain(rows[1:])
+    assert all(plain_text([row]).startswith("   ") for row in rows[1:])
+    first = plain_text(rows[:1])
+    assert first.startswith(" !") and first.endswith(plain_text([beside]))
+    said = first.removesuffix(plain_text([beside])) + plain_text(rows[1:])
     assert "".join(said.split()) == "!" + "".join(text.split())
 
 
 @given(st.lists(st.just(line("row")), max_size=9), st.integers(0, 9))
 def test_rows_without_room_end_with_what_shows_them(rows: list[Line], height: int) -> None:
-    shown = clipped(rows, height, "more")
+    shown = clip_lines(rows, height, "more")
     assert len(shown) == min(len(rows), height)
-    assert (plain(shown[-1:]) == "more") is (len(rows) > height > 0)
+    assert (plain_text(shown[-1:]) == "more") is (len(rows) > height > 0)
 
 
 @given(lines_, st.integers(1, 60))
@@ -442,7 +442,7 @@ def test_a_strip_is_as_wide_as_its_place_and_has_a_style_everywhere(
 def test_outside_of_the_changed_cells_nothing_changes(
     before: tuple[tuple[str, Token], ...], after: tuple[tuple[str, Token], ...]
 ) -> None:
-    first, end = changed(before, after)
+    first, end = find_changed_cells(before, after)
     old, new = (to_strip(pieces, 200, COLOUR) for pieces in (before, after))
     assert old.crop(0, first).text == new.crop(0, first).text
     assert old.crop(end, 200).text == new.crop(end, 200).text

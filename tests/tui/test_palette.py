@@ -17,18 +17,18 @@ from textual.pilot import Pilot
 
 from console.session.cut.alignment import Alignment
 from console.session.station.state import Activity, StationState, StopState
-from console.session.work import Work, edited
+from console.session.work import Work, edit_field
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
-from console.tui.application.scan_collector import Collector
+from console.tui.application.scan_collector import ScanCollector
 from console.tui.driver import StopDriver, Written
-from console.tui.gate import FieldKind, HeldKeys, Situation
+from console.tui.gate import FieldKind, HeldKeys, KeySituation
 from console.tui.key_help import words_of
 from console.tui.keymap import ACTIONS, CLOSE, PALETTE, PageName, actions_of
-from console.tui.list_panel import STOPPING, Entry, entries, found
-from console.tui.pace import Pace
+from console.tui.list_panel import STOPPING, Entry, entries, find_palette_entries
+from console.tui.pace import KeyPace
 from console.tui.pages import run as run_page
-from drivers.lathe.standing import Standing
+from drivers.lathe.console_role import ConsoleRole
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON, REST
 from tests.tui.scenes import Scene, console_on, rows_of, scene_of, settle
@@ -50,7 +50,7 @@ def play(
 
 
 def codes(app: ConsoleApp) -> list[str]:
-    return [problem.code for problem in app.ui.said]
+    return [problem.code for problem in app.ui.key_answer]
 
 
 # The palette and the keys agree --------------------------------------------------------------------------------
@@ -63,11 +63,11 @@ STATES: dict[str, tuple[StationState, Work | None]] = {
     "to be homed": (align_stage.state(Alignment(settings=(), clamping=CLAMPED, drives_on=True)), experiment()),
     "jaw 1": (align_stage.state(), experiment()),
     "aligned": (run_stage.state(), experiment()),
-    "edited": (run_stage.state(), edited(experiment(), "chucking_force_n", "1400")),
+    "edited": (run_stage.state(), edit_field(experiment(), "chucking_force_n", "1400")),
     "armed": (run_stage.state(armed=run_stage.armed()), experiment()),
     "arming": (run_stage.state(activity=Activity.ARMING), experiment()),
     "stopped": (run_stage.state(activity=Activity.STOPPED, stop=STOP), experiment()),
-    "observing": (align_stage.state(standing=Standing.OUSTED, holder=7), experiment()),
+    "observing": (align_stage.state(standing=ConsoleRole.OUSTED, holder=7), experiment()),
     "connecting": (StationState(), experiment()),
     "lost": (align_stage.state(activity=Activity.LOST), experiment()),
     "in the part": (
@@ -98,7 +98,7 @@ async def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(
         for action in actions_of(page):
             control.state, app.ui.work, app.ui.draft, app.ui.copying = state, work, None, False
             # Fresh presses: none of them is a repeat of the one before.
-            app._held, app.ui.said, control.orders = HeldKeys(), (), []
+            app._held, app.ui.key_answer, control.orders = HeldKeys(), (), []
             expected = [problem.code for problem in app._why_not(action)]
             ways.setdefault(action.id, set()).add(not expected)
             app._do(action, app._pages[page])
@@ -135,7 +135,7 @@ async def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(
 async def test_the_keys_of_every_page_are_refused_likewise(name: str, refused: set[str], tmp_path: Path) -> None:
     async with play(tmp_path, state=STATES[name][0], work=experiment()) as (app, _, _):
         for action in (each for each in ACTIONS if each.id in ("recover", "acknowledge", "take_over")):
-            app.ui.said = ()
+            app.ui.key_answer = ()
             reasons = [problem.code for problem in app._why_not(action)]
             app._do(action, app._pages[app.page])
             assert [code for code in codes(app) if code not in ASKS_AGAIN] == reasons
@@ -178,7 +178,7 @@ def test_every_action_is_there_once_in_words_the_present_page_first_then_everywh
     ],
 )
 def test_an_action_is_found_by_words_and_by_key(language: str, query: str, first: str | None) -> None:
-    hits = found(listed(language), query)
+    hits = find_palette_entries(listed(language), query)
     assert (hits[0].action.id if hits else None) == first
 
 
@@ -234,7 +234,7 @@ async def test_backspace_takes_back_what_was_typed_and_then_closes(tmp_path: Pat
         await pilot.press(":", "escape")
         assert [*seen, app._list.is_open] == [True, False, False]
         await pilot.press(":", "ctrl+p", "?")
-        assert app._list.chosen is not None, "a question mark is one of its characters"
+        assert app._list.selected_entry is not None, "a question mark is one of its characters"
         await pilot.press("f1")
         assert [app._list.is_open, app._list.is_palette] == [True, False]
         assert control.stops == []
@@ -267,7 +267,7 @@ MOVES = align_stage.look(ON - {"desired_velocity_zero"})
     "moving",
     [
         align_stage.state(activity=Activity.JOGGING),
-        align_stage.state(snapshot=MOVES, standing=Standing.OUSTED, holder=7),
+        align_stage.state(snapshot=MOVES, standing=ConsoleRole.OUSTED, holder=7),
     ],
     ids=["by this console", "by another"],
 )
@@ -290,25 +290,25 @@ async def test_it_neither_opens_nor_stays_open_while_something_moves(moving: Sta
 class Terminal:
     """The thread that reads keys, with a clock that is given; `heard` is what it passes to the application."""
 
-    def __init__(self, now: Situation, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, now: KeySituation, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now, self.heard = now, list[str]()
         self.driver = StopDriver.__new__(StopDriver)
-        self.driver._pace, self.driver._stopped_s, self.driver._app = Pace(), -math.inf, self  # type: ignore[assignment]
-        self.driver._codes, self.driver.age, self.driver._drops = Collector(), answered_age(), False
+        self.driver._pace, self.driver._stopped_s, self.driver._app = KeyPace(), -math.inf, self  # type: ignore[assignment]
+        self.driver._codes, self.driver.age, self.driver._drops = ScanCollector(), answered_age(), False
         monkeypatch.setattr(LinuxDriver, "process_message", lambda driver, message: self._hear(message))
 
     def _hear(self, message: Message) -> None:
         self.heard.append(message.key if isinstance(message, events.Key) else type(message).__name__)
 
-    def situation(self) -> Situation:
+    def situation(self) -> KeySituation:
         return self.now
 
     def press(self, at_s: float, key: str) -> None:
-        self.heard += [each.key for each in self.driver._pace.due(at_s - 1e-6)]
+        self.heard += [each.key for each in self.driver._pace.take_due_keys(at_s - 1e-6)]
         self.driver._hear(events.Key(key, key if len(key) == 1 else None), at_s)
 
     def later(self, at_s: float) -> list[str]:
-        return [*self.heard, *(each.key for each in self.driver._pace.due(at_s))]
+        return [*self.heard, *(each.key for each in self.driver._pace.take_due_keys(at_s))]
 
 
 SCANNED = (":", *"f4", "enter")
@@ -318,11 +318,11 @@ SCANNED = (":", *"f4", "enter")
 def test_a_scanner_neither_opens_the_palette_nor_takes_anything_in_it(
     gap_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    closed = Terminal(Situation(page=PageName.ALIGN, at_rest=True), monkeypatch)
+    closed = Terminal(KeySituation(page=PageName.ALIGN, at_rest=True), monkeypatch)
     for number, key in enumerate(SCANNED):
         closed.press(10.0 + gap_s * number, key)
     assert ":" not in closed.later(12.0) and "enter" not in closed.later(12.0)
-    opened = Situation(page=PageName.ALIGN, field=FieldKind.TEXT, at_rest=True, reading=True, seeking=True)
+    opened = KeySituation(page=PageName.ALIGN, field=FieldKind.TEXT, at_rest=True, reading=True, seeking=True)
     typed = Terminal(opened, monkeypatch)
     for number, key in enumerate((*"redo", "enter")):
         typed.press(10.0 + gap_s * number, key)
@@ -353,7 +353,7 @@ async def test_it_fits_with_the_reason_of_the_selected_action_in_full(
         for key in ("pagedown", "end", "up"):
             await pilot.press(key)
             await settle(app, pilot)
-            entry = app._list.chosen
+            entry = app._list.selected_entry
             assert entry is not None and sum("▶" in row for row in rows_of(app)) >= 1
             words = "".join("".join(rows_of(app)).split())
             assert "".join(entry.words.split()) in words, key

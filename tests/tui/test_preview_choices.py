@@ -12,12 +12,12 @@ import pytest
 from rich.cells import cell_len
 
 from console.session.cut.alignment import Alignment
-from console.session.data.identified import store
+from console.session.data.identified_responses import store
 from console.session.station.commands import Arm
 from console.session.station.state import Activity, StationState
-from console.session.work import Work, edited, with_strategy
+from console.session.work import Work, edit_field, with_strategy
 from console.text.catalogue import load
-from console.tui.lines import plain
+from console.tui.lines import plain_text
 from console.tui.pages import run as run_page
 from console.tui.pages.learn_lines import identified_words
 from console.tui.pages.preview import PreviewPage, SpeedLimits, speed_line, why_lines
@@ -25,7 +25,7 @@ from console.tui.pages.preview_lines import findings_of
 from console.tui.pages.run import RunPage
 from console.tui.previewing import ChosenPath, Previewer
 from drivers.cutting.strategy import Strategy
-from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, ResponseOrigin
 from drivers.preview.band import predicted_band
 from drivers.preview.outlook import outlook
 from profiles.axis.servo import sampled_response
@@ -51,7 +51,9 @@ def response(
     machine = lathe().machine
     gains = {f"I{number}": machine.controller.variables[f"I{number}"] for number in range(130, 136)}
     told: dict[str, object] = {"machine": machine.name, "simulated": True, "version": "1.17", "kind": "PMAC1, X1"}
-    origin = Origin(**{**told, "gains": gains, "servo_period_ms": machine.controller.servo_period_ms, **of})  # type: ignore[arg-type]
+    origin = ResponseOrigin(
+        **{**told, "gains": gains, "servo_period_ms": machine.controller.servo_period_ms, **of}  # type: ignore[arg-type]
+    )
     return IdentifiedResponse(
         origin=origin,
         path=path,
@@ -122,24 +124,24 @@ async def test_without_one_the_key_says_what_makes_one(tmp_path: Path) -> None:
 
 def test_the_prediction_and_its_band_are_those_of_the_chosen_response() -> None:
     """A tool that follows with 0.9 of the model's gain is commanded 1 / 0.9 times as far, and leaves nothing."""
-    from console.session.cut.compensated import inverting
-    from console.session.data.identified import ChosenResponse
+    from console.session.cut.compensated_cut import inverting
+    from console.session.data.identified_responses import ChosenResponse
     from drivers.identification.result import as_response
 
     kept = response(NEW)
     choice = ChosenResponse(file=Path("there.json"), identified=kept, response=as_response(kept, "there.json"))
     work, path, previewer = inverting(signed(), choice), ChosenPath(), Previewer()
-    cut = path.of(work, Alignment(), simulated=True)
+    cut = path.path_for(work, Alignment(), simulated=True)
     assert cut is not None
     by_model = previewed(signed().job)
     assert cut.command.amplitude_um == pytest.approx(by_model.command.amplitude_um / 0.9, rel=1e-3)
-    begun = previewer.refreshed(work, Alignment(), path=cut)
+    begun = previewer.refresh_work(work, Alignment(), path=cut)
     assert begun.outlook is not None and begun.outlook.response is choice.response
     assert begun.outlook.command.amplitude_um == pytest.approx(cut.command.amplitude_um)
-    half = path.of(replace(work, stage="partial"), Alignment(), simulated=True)
+    half = path.path_for(replace(work, stage="partial"), Alignment(), simulated=True)
     assert half is not None and half.target.amplitude_um == pytest.approx(0.5 * cut.target.amplitude_um)
     # Refused for another strategy: neither is its path shown for what is cut.
-    assert path.of(with_strategy(work, "cam"), Alignment(), simulated=True) is None
+    assert path.path_for(with_strategy(work, "cam"), Alignment(), simulated=True) is None
 
 
 async def test_learned_and_identified_take_turns_and_another_strategy_is_refused(tmp_path: Path) -> None:
@@ -165,7 +167,7 @@ async def test_a_speed_outside_what_was_identified_is_told_and_the_model_is_one_
     async with on_preview(tmp_path) as stage:
         await stage.act("preview.response")
         assert stage.ui.work is not None
-        work = Previewer().refreshed(stage.ui.work, Alignment(), path=None)
+        work = Previewer().refresh_work(stage.ui.work, Alignment(), path=None)
         assert [problem.code for problem in work.preview_problems] == ["response.outside_band"]
         stage.ui.work = work
         await stage.show()
@@ -178,7 +180,7 @@ def test_the_command_and_the_summary_of_a_cut_have_the_response(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run_page, "changed_since_opened", lambda _: ())  # the revision of this job is made up
-    from console.session.data.identified import kept_responses
+    from console.session.data.identified_responses import kept_responses
 
     store(tmp_path, response(NEW))
     kept = kept_responses(tmp_path, lathe().machine, Strategy.PVT, simulated=True)[0]
@@ -198,7 +200,7 @@ def told(work: Work, language: str = "en", width: int = 78) -> str:
     seen = work.preview
     assert seen is not None
     strategy = Strategy(work.strategy)
-    return plain(why_lines(work, seen, strategy, SpeedLimits().of(seen), load(language), width))
+    return plain_text(why_lines(work, seen, strategy, SpeedLimits().limit_for(seen), load(language), width))
 
 
 def test_the_band_is_explained_largest_first_and_adds_up() -> None:
@@ -238,24 +240,24 @@ def test_the_highest_safe_speed_is_there_with_what_limits_it(language: str) -> N
 
 def test_a_job_that_turns_faster_is_marked_in_words_and_figures() -> None:
     fast = replace(signed().job, spindle_speed_rpm=1800.0)
-    limit = SpeedLimits().of(outlook(fast, lathe().machine))
+    limit = SpeedLimits().limit_for(outlook(fast, lathe().machine))
     assert limit.is_exceeded
-    assert "! 1800 / 17" in plain([speed_line(limit, load("en"), 60)])
+    assert "! 1800 / 17" in plain_text([speed_line(limit, load("en"), 60)])
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("name", ["peak_thrust", "following_error", "encoder_acceleration", "grip_loss"])
 def test_whatever_limits_the_speed_fits_its_row(name: str, language: str) -> None:
     limit = replace(
-        SpeedLimits().of(outlook(signed().job, lathe().machine)), limits_rpm={name: 5509.9}, binding=name
+        SpeedLimits().limit_for(outlook(signed().job, lathe().machine)), limits_rpm={name: 5509.9}, binding=name
     )
-    row = plain([speed_line(limit, load(language), 42)])
+    row = plain_text([speed_line(limit, load(language), 42)])
     assert cell_len(row) <= 42 and load(language)(f"speed_limit.{name}") in row and "1000 / 5509 rpm" in row
 
 
 def demanding() -> Job:
     """A job with several findings."""
-    return edited(
+    return edit_field(
         replace(signed(), job=replace(signed().job, spindle_speed_rpm=1800.0)), "chucking_force_n", "2500"
     ).job
 
@@ -269,7 +271,7 @@ async def test_every_finding_is_read_in_full_at_the_smallest_size(language: str)
     assert len(found) >= 2
     async with on_page(OnPreview, Path("/nowhere"), work=work, state=READY, language=language) as stage:
         await stage.show()
-        rows = plain(stage.page.in_full(stage.view, 78))
+        rows = plain_text(stage.page.in_full(stage.view, 78))
         words = "".join(rows.split())
         for finding in found:
             assert "".join(text.problem(finding.problem).split()) in words

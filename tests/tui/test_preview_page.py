@@ -19,7 +19,7 @@ from console.session.cut.alignment import Alignment, JawAngle
 from console.session.station.state import StationState
 from console.session.work import Work
 from console.text.catalogue import load
-from console.tui.lines import plain, width_of
+from console.tui.lines import plain_text, width_of
 from console.tui.pages.preview import PreviewPage, path_series, roundness_traces
 from console.tui.pages.preview_lines import (
     Margin,
@@ -34,7 +34,7 @@ from console.tui.ui_context import View
 from console.units import METRIC
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.preview.preview import Preview, Program, preview, underway
-from drivers.preview.program_prediction import Prediction, followed, predict
+from drivers.preview.program_prediction import ProgramPrediction, predict, predict_following
 from profiles.axis.servo import sampled_response
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
@@ -89,7 +89,7 @@ def shown(
     return shown_on(PreviewPage, now, *acts, size=room, language=language, work=work, no_job=work is None).text
 
 
-def by_order(prediction: Prediction, n: int) -> complex:
+def by_order(prediction: ProgramPrediction, n: int) -> complex:
     """The harmonic of the residual at equal angles, um; crest at jaw 1 is real and positive."""
     harmonic = np.exp(-1j * n * np.radians(prediction.angle_deg - 90.0))
     return complex(2.0 * np.mean(prediction.residual_um * harmonic))
@@ -138,7 +138,9 @@ def test_the_servo_turns_and_scales_a_sine_and_passes_a_depth() -> None:
     angle = np.radians(np.arange(720) / 2.0)
     response = complex(sampled_response(machine, 50.0))
     expected = 100.0 + 10.0 * abs(response) * np.cos(3.0 * angle + math.atan2(response.imag, response.real))
-    assert followed(machine, 100.0 + 10.0 * np.cos(3.0 * angle), 1000.0) == pytest.approx(expected, abs=1e-6)
+    assert predict_following(machine, 100.0 + 10.0 * np.cos(3.0 * angle), 1000.0) == pytest.approx(
+        expected, abs=1e-6
+    )
 
 
 @pytest.mark.long
@@ -210,7 +212,7 @@ def test_with_and_without_compensation_differ_by_more_than_colour() -> None:
 
 def test_margins_are_percent_and_both_values() -> None:
     """Table 2: 400 N continuous, 36.8 A; Ix16 is 100 mm/s; the bandwidth of Eq 9 with Table 4 is 55.2 Hz."""
-    lines = plain(margin_lines(margins(seen(), Strategy.PVT, METRIC), load("en"), 60, 6)).split("\n")
+    lines = plain_text(margin_lines(margins(seen(), Strategy.PVT, METRIC), load("en"), 60, 6)).split("\n")
     assert [line.split() for line in lines] == [
         [*"stroke □□□□□□□□□□□□□□□□□□□□□□□ 0.062 / 77.000 mm 0 %".split()],
         [*"velocity ■■□□□□□□□□□□□□□□□□□□□□□ 9.8 / 100.0 mm/s 10 %".split()],
@@ -224,7 +226,7 @@ def test_margins_are_percent_and_both_values() -> None:
 def test_a_bar_is_full_only_at_all_of_the_limit() -> None:
     def bar(need: float) -> str:
         margin = Margin(name="loop", need=need, limit=100.0, decimals=1, unit="Hz")
-        return plain(margin_lines([margin], load("en"), 45, 1))
+        return plain_text(margin_lines([margin], load("en"), 45, 1))
 
     assert "□" in bar(99.0)
     assert "□" not in bar(100.0)
@@ -234,22 +236,22 @@ def test_a_bar_is_full_only_at_all_of_the_limit() -> None:
 def test_a_lobe_above_the_bandwidth_is_marked_not_only_coloured() -> None:
     fast = seen(spindle_speed_rpm=2000.0)
     lines = margin_lines(margins(fast, Strategy.PVT, METRIC), load("en"), 60, 6)
-    assert plain(lines).split("\n")[-1].endswith("100.0 / 55.2 Hz 181 %!")
+    assert plain_text(lines).split("\n")[-1].endswith("100.0 / 55.2 Hz 181 %!")
     assert (" 181 %", Token.WARNING) in lines[-1]
 
 
 def test_a_plain_cut_needs_nothing_of_the_drive() -> None:
-    lines = plain(margin_lines(margins(seen(), Strategy.NONE, METRIC), load("en"), 60, 6)).split("\n")
+    lines = plain_text(margin_lines(margins(seen(), Strategy.NONE, METRIC), load("en"), 60, 6)).split("\n")
     assert all("  0 %" in line for line in lines[:-1])
 
 
 def test_servo_and_inverse_are_told_at_the_frequency_that_is_reached() -> None:
     """The sampled loop at 50 Hz has 0.886 and 0.902 rad (51.7 deg) of lag, a third of it in spindle angle."""
-    text = plain(strategy_lines(seen(), Strategy.PVT, load("en"), 60, 12))
+    text = plain_text(strategy_lines(seen(), Strategy.PVT, load("en"), 60, 12))
     assert "servo at 50.0 Hz" in text
     assert "x0.886  -51.7°" in text
     assert "x1.129, lead 17.2° spindle" in text
-    paper = plain(strategy_lines(seen(), Strategy.PAPER, load("en"), 60, 24))
+    paper = plain_text(strategy_lines(seen(), Strategy.PAPER, load("en"), 60, 24))
     assert "servo at 25.0 Hz" in paper
     assert "not inverted" in paper
     assert "127.5 um" in paper
@@ -302,10 +304,10 @@ def test_the_next_step_is_one_row_and_names_its_key(language: str) -> None:
         "c": replace(app.view, work=previewed("pvt", jaws=6, spindle_speed_rpm=3000.0)),
     }
     for key, view in steps.items():
-        words = plain([page.next_step(view)])
+        words = plain_text([page.next_step(view)])
         assert key in words
         assert cell_len(words) <= 77
-    assert cell_len(plain([page.next_step(replace(app.view, work=experiment()))])) <= 77
+    assert cell_len(plain_text([page.next_step(replace(app.view, work=experiment()))])) <= 77
 
 
 # The program view shows the exact text, every character of it, with the checker's findings on top.
@@ -367,11 +369,11 @@ def test_what_is_not_sent_is_dim() -> None:
 
 
 def test_the_findings_of_the_checker_stand_on_top_in_words() -> None:
-    said = plain(program_rows(seen_program(), Strategy.PAPER, load("en"), 200)).split("\n")
+    said = plain_text(program_rows(seen_program(), Strategy.PAPER, load("en"), 200)).split("\n")
     assert said[0].startswith("! the controller stretches each segment to 20 ms")
     assert said[1] == "! the spindle will turn at 500 rpm, not at the job's 1000 rpm"
     assert said[2].startswith("! blending leaves 36.67 um (66.7 %)")
-    assert plain(program_rows(seen_program(), Strategy.PVT, load("en"), 200)).startswith("✓ no findings")
+    assert plain_text(program_rows(seen_program(), Strategy.PVT, load("en"), 200)).startswith("✓ no findings")
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -403,7 +405,7 @@ def test_up_and_down_go_through_all_of_it_and_no_further() -> None:
 
 def test_a_program_that_is_still_made_is_not_shown_as_one_without_findings() -> None:
     early = underway(seen_program(), None, {})
-    said = plain(program_rows(early, Strategy.PVT, load("en"), 80))
+    said = plain_text(program_rows(early, Strategy.PVT, load("en"), 80))
     assert load("en")("preview_page.checking") in said
     assert "no findings" not in said
 

@@ -16,11 +16,11 @@ from textual.pilot import Pilot
 
 from console.session.cut.alignment import Alignment, JawAngle
 from console.session.station.state import Activity
-from console.session.work import Work, edited, opened, undone, with_strategy
+from console.session.work import Work, edit_field, open_work, undone, with_strategy
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
-from console.tui.lines import plain
+from console.tui.lines import plain_text
 from console.tui.pages.preview_lines import margin_lines, margins, strategy_lines
 from console.tui.previewing import Previewer
 from console.units import METRIC
@@ -83,17 +83,17 @@ def planner(monkeypatch: pytest.MonkeyPatch) -> Iterator[Planner]:
 def short() -> Work:
     """Experiment 1 over one millimetre."""
     loaded = load_job(EXPERIMENT)
-    return opened(replace(loaded, job=replace(loaded.job, cut_length_mm=1.0)), load_machine(MACHINE))
+    return open_work(replace(loaded, job=replace(loaded.job, cut_length_mm=1.0)), load_machine(MACHINE))
 
 
 def at_speed(work: Work, rpm: float) -> Work:
-    return edited(work, "spindle_speed_rpm", f"{rpm:g}")
+    return edit_field(work, "spindle_speed_rpm", f"{rpm:g}")
 
 
 def ticked(previewer: Previewer, work: Work) -> Work:
     """The work after two ticks: the first shows what is known, the second lets the other thread begin."""
     for _ in range(2):
-        work = previewer.refreshed(work, Alignment())
+        work = previewer.refresh_work(work, Alignment())
     return work
 
 
@@ -193,7 +193,7 @@ def test_nothing_is_computed_twice(planner: Planner) -> None:
     for work in (second, undone(second)):
         for strategy in Strategy:
             # One tick, and all is there.
-            seen = previewer.refreshed(with_strategy(work, strategy), Alignment())
+            seen = previewer.refresh_work(with_strategy(work, strategy), Alignment())
             assert seen.preview is not None
             assert seen.preview.strategy == strategy
             assert seen.preview.job == work.job
@@ -208,14 +208,14 @@ def test_a_learned_path_asks_for_one_program_more(planner: Planner) -> None:
     made = work.preview
     path = CutPath(target=made.target, command=made.command.plus({3: 2.0 + 0.0j}))
     for _ in range(2):
-        work = previewer.refreshed(work, Alignment(), path=path)
+        work = previewer.refresh_work(work, Alignment(), path=path)
     assert work.outlook is not None
     assert work.outlook.command == path.command
     assert there(work) == [name for name in Strategy if name != "cam"]
     thread = previewer._thread
     assert thread is not None
     thread.join(STRETCH_S)
-    work = previewer.refreshed(work, Alignment(), path=path)
+    work = previewer.refresh_work(work, Alignment(), path=path)
     assert work.preview is not None
     assert work.preview.predictions[Strategy.CAM].ront_um > made.predictions[Strategy.CAM].ront_um + 1.0
     assert planner.count == len(Strategy) + 1
@@ -223,7 +223,7 @@ def test_a_learned_path_asks_for_one_program_more(planner: Planner) -> None:
 
 def test_an_axis_that_cannot_be_inverted_says_so_at_once(planner: Planner) -> None:
     previewer = Previewer()
-    work = edited(at_speed(short(), 5000.0), "jaws", "6")
+    work = edit_field(at_speed(short(), 5000.0), "jaws", "6")
     work = ticked(previewer, work)
     assert [problem.code for problem in work.preview_problems] == ["response.amplified"]
     assert (work.outlook, work.preview, planner.count) == (None, None, 0)
@@ -243,7 +243,7 @@ def test_a_fault_is_told_and_the_next_job_is_answered(planner: Planner, monkeypa
 
 def test_jaw_1_found_by_the_alignment_turns_the_lobe_at_once(planner: Planner) -> None:
     previewer, work = Previewer(), short()
-    turned = previewer.refreshed(work, Alignment(jaw=JawAngle(angle_deg=12.0, jaws=3, at="2 Jan 08:45")))
+    turned = previewer.refresh_work(work, Alignment(jaw=JawAngle(angle_deg=12.0, jaws=3, at="2 Jan 08:45")))
     assert turned.outlook is not None
     assert turned.outlook.job.jaw_1_deg == pytest.approx(12.0)
 
@@ -255,9 +255,10 @@ def test_nothing_on_the_page_jumps_when_a_program_is_there(strategy: Strategy) -
     late = preview(job, machine, strategy)
     early = session_preview.underway(outlook(job, machine, strategy), late.eq9_loop, {})
     needs = [
-        plain(margin_lines(margins(seen, strategy, METRIC), text, 60, 6)).split("\n") for seen in (early, late)
+        plain_text(margin_lines(margins(seen, strategy, METRIC), text, 60, 6)).split("\n")
+        for seen in (early, late)
     ]
-    rows = [plain(strategy_lines(seen, strategy, text, 60, 10)).split("\n") for seen in (early, late)]
+    rows = [plain_text(strategy_lines(seen, strategy, text, 60, 10)).split("\n") for seen in (early, late)]
     if strategy is Strategy.PAPER:
         assert all("…" in row for row in needs[0])
         assert [len(row) for row in needs[0]] == [len(row) for row in needs[1]]

@@ -20,7 +20,7 @@ from rich.cells import cell_len
 from console.session.data import run_reader
 from console.session.data.measured_part import RecordedPart
 from console.session.data.record_file import FILE_NAME
-from console.session.learning.job_chart import Figure, JobChart, job_chart
+from console.session.learning.job_chart import ChartedQuantity, JobChart, job_chart
 from console.session.station.state import Activity
 from console.text.catalogue import load
 from console.tui.gate import FieldKind
@@ -105,7 +105,7 @@ async def test_what_works_elsewhere_or_with_a_job_says_so_and_nothing_is_command
         for action in ("search", "failed", "job", "machines"):
             await page.act(*keys("open", action))
             assert page.codes == ["screen.records_list_first"]
-            page.ui.said = ()
+            page.ui.key_answer = ()
         await page.act(*keys("back", "back"))
         page.ui.work = None
         await page.act(*keys("job"))
@@ -306,7 +306,7 @@ async def test_while_something_moves_no_statistics_are_loaded(shop: Path, monkey
     judged: list[bool] = []
     monkeypatch.setattr(reading, "STATISTICS", "scipy.not_loaded_yet")
 
-    def charted(parts: tuple[RecordedPart, ...], figure: Figure, *, judge: bool) -> JobChart:
+    def charted(parts: tuple[RecordedPart, ...], figure: ChartedQuantity, *, judge: bool) -> JobChart:
         judged.append(judge)
         return job_chart(parts, figure, judge=judge)
 

@@ -16,18 +16,18 @@ from textual import events
 from console.flight.playback import SPEEDS, Playback
 from console.flight.replay.replay_app import PAGES, ReplayApp
 from console.session.guide.situation import Situation
-from console.session.station.alarms import Priority, raised
+from console.session.station.alarms import Priority, raise_alarm
 from console.session.station.commands import TakeControl
-from console.session.station.state import Activity, Armed, StationState
+from console.session.station.state import Activity, ArmedCut, StationState
 from console.text.catalogue import load
 from console.tui.align.align_lines import why_lines
 from console.tui.frame import Frame, next_row, state_row
 from console.tui.gate import FieldKind
 from console.tui.keymap import ACTIONS, KILL_KEYS, STOP_KEYS, PageName
-from console.tui.lines import line, plain, width_of
+from console.tui.lines import line, plain_text, width_of
 from console.tui.theme import COLOUR, MONO
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.lathe.standing import Standing
+from drivers.lathe.console_role import ConsoleRole
 from profiles.problem import Problem
 from profiles.store import load_machine
 from tests.console.flight.bench import BEGAN_S, FlightBench
@@ -161,14 +161,14 @@ async def test_it_plays_at_any_speed_and_follows_the_page(tmp_path: Path) -> Non
         assert page_of(app) == "run"
         assert app.playback.past_s == pytest.approx(4.5)
         for _ in SPEEDS:
-            app.took(events.Key("-", "-"))
+            app.perform_key(events.Key("-", "-"))
         assert app.playback.speed == SPEEDS[0]
         await pilot.press("2")
         await settle(app, pilot)
         assert page_of(app) == "setup"
         await pilot.press("f")
         for _ in SPEEDS:
-            app.took(events.Key("+", "+"))
+            app.perform_key(events.Key("+", "+"))
         await settle(app, pilot)
         assert (page_of(app), app.playback.speed) == ("run", SPEEDS[-1])
         clock.now_s += 60.0
@@ -210,7 +210,7 @@ async def test_no_key_of_the_machine_does_anything_and_each_says_why(language: s
     keys = {action.keys[0] for action in ACTIONS if action.keys} | {*STOP_KEYS, *KILL_KEYS}
     async with replayed(bench, language=language) as (app, pilot):
         for key in sorted(keys - ours - looks):
-            assert app.took(events.Key(key, key if len(key) == 1 else None))
+            assert app.perform_key(events.Key(key, key if len(key) == 1 else None))
             assert (app._refused, app.playback.place, app.page) == (True, 0, PageName.ALIGN), key
             app._refused = False
         await pilot.press("f5")
@@ -275,7 +275,7 @@ async def test_the_page_of_alarms_has_what_was_raised_and_commanded_up_to_the_mo
 async def test_an_armed_cut_is_shown_without_its_program(tmp_path: Path) -> None:
     work = signed()
     plan = plan_cut(work.job, work.machine.machine, Strategy.PVT)
-    armed = Armed(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=ALIGNED, until_s=1e4, made=MADE)
+    armed = ArmedCut(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=ALIGNED, until_s=1e4, made=MADE)
     state = replace(machine(Activity.READY), alignment=ALIGNED, armed=armed)
     bench = FlightBench(tmp_path, state=state, work=signed())
     bench.page = "run"
@@ -291,8 +291,8 @@ GOLDENS = Path(__file__).with_name("observer_goldens")
 HOLDER = 1_683_503_496
 """Numbers are drawn up to ten digits."""
 
-LOOKING_ON: dict[str, Any] = {"standing": Standing.OBSERVER, "holder": HOLDER}
-ALARMS = raised((), Problem(code="owner.held", value=str(HOLDER)), Priority.MEDIUM, 1.0)
+LOOKING_ON: dict[str, Any] = {"standing": ConsoleRole.OBSERVER, "holder": HOLDER}
+ALARMS = raise_alarm((), Problem(code="owner.held", value=str(HOLDER)), Priority.MEDIUM, 1.0)
 MOVING = align_stage.look(ON - {"desired_velocity_zero"})
 
 
@@ -312,10 +312,10 @@ def frame(state: StationState, language: str = "en", **changes: Any) -> Frame:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("standing", [Standing.OBSERVER, Standing.OUSTED])
-def test_the_state_row_says_who_controls_and_the_next_row_what_helps(standing: Standing, language: str) -> None:
+@pytest.mark.parametrize("standing", [ConsoleRole.OBSERVER, ConsoleRole.OUSTED])
+def test_the_state_row_says_who_controls_and_the_next_row_what_helps(standing: ConsoleRole, language: str) -> None:
     text, now = load(language), frame(run_stage.state(standing=standing, holder=HOLDER), language)
-    first, following = plain(state_row(now, 80)), plain(next_row(now, 80))
+    first, following = plain_text(state_row(now, 80)), plain_text(next_row(now, 80))
     assert text("frame.looks_on", holder=HOLDER) in first and str(HOLDER) in first
     assert text("frame.observer") in following and " t " in following
     assert "what to do" not in following
@@ -325,16 +325,16 @@ def test_the_state_row_says_who_controls_and_the_next_row_what_helps(standing: S
 
 def test_a_stop_comes_before_who_controls() -> None:
     stopped = replace(run_stage.stopped(), **LOOKING_ON)
-    assert "F2" in plain(next_row(frame(stopped), 80))
+    assert "F2" in plain_text(next_row(frame(stopped), 80))
 
 
 @pytest.mark.parametrize("activity", [Activity.CONNECTING, Activity.LOST])
 def test_nothing_is_said_of_who_controls_where_that_is_not_known(activity: Activity) -> None:
     now = frame(run_stage.state(activity=activity, **LOOKING_ON))
-    assert str(HOLDER) not in plain(state_row(now, 80))
+    assert str(HOLDER) not in plain_text(state_row(now, 80))
 
 
-FREE: dict[str, Any] = {"standing": Standing.OBSERVER, "holder": 0}
+FREE: dict[str, Any] = {"standing": ConsoleRole.OBSERVER, "holder": 0}
 RUN, ALIGN = run_stage.state(**LOOKING_ON), align_stage.state(**LOOKING_ON)
 MOVED = align_stage.state(snapshot=MOVING, **LOOKING_ON)
 AGAIN, TAKES = "screen.take_over_again", [TakeControl()]
@@ -385,7 +385,7 @@ def test_space_and_f9_stop_whoever_controls_and_a_key_without_a_meaning_does_not
 def test_a_machine_that_nobody_controls_is_called_so() -> None:
     for lost, words in ((FREE, ("No console has control", "t twice")), (LOOKING_ON, ("Another console",))):
         now = Situation(state=align_stage.state(**lost), work=None, machine=load_machine(MACHINE).machine)
-        assert all(each in plain(why_lines(load("en"), now, 60, 4)) for each in words)
+        assert all(each in plain_text(why_lines(load("en"), now, 60, 4)) for each in words)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -10,17 +10,17 @@ import pytest
 
 from console.session.cut.alignment import JawAngle
 from console.session.cut.cut_verdict import CutVerdict, ToolError
-from console.session.cut.telemetry import Phase, SpindleRipple
+from console.session.cut.telemetry import PhaseLag, SpindleRipple
 from console.session.station.commands import Arm, Disarm, EndCut, Start
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
-from console.session.work import edited, opened, with_strategy
+from console.session.work import edit_field, open_work, with_strategy
 from console.text.catalogue import load
-from console.tui.lines import plain
+from console.tui.lines import plain_text
 from console.tui.pages.cut_lines import bar, gauge, mean_error_um
 from console.tui.pages.run import RunPage
 from console.tui.pages.run_lines import input_lines
-from drivers.cutting.bounds import Changed, Trim
+from drivers.cutting.bounds import CutChange, Trim
 from drivers.cutting.planning import Strategy
 from profiles.problem import Problem
 from profiles.store import load_job, save_job
@@ -66,7 +66,7 @@ def test_titles_and_stages_are_whole_at_80_columns(language: str) -> None:
 
 def test_what_was_changed_of_a_cut_is_told_when_it_has_ended() -> None:
     """At the end the override is back at 100 %; the record keeps what the part was cut with."""
-    changed = Changed(override_percent=97, trim=Trim(gain_percent=4.0, phase_deg=-0.5), from_mm=3.14)
+    changed = CutChange(override_percent=97, trim=Trim(gain_percent=4.0, phase_deg=-0.5), from_mm=3.14)
     ended = cut(CutStage.DONE, figures=FIGURES)
     page = shown(state(cut=replace(ended, changed=changed), cut_done=True))
     assert "Changed while it cut, from Z 3.1 mm on: speed 97 %, gain +4 %, phase -0.5° at the end" in page.words
@@ -165,18 +165,18 @@ def test_f5_arms_what_is_in_hand() -> None:
 def test_a_job_whose_file_was_changed_since_it_was_opened_is_not_armed(tmp_path: Path) -> None:
     file = tmp_path / "ring.toml"
     save_job(experiment().job, file)
-    work = opened(load_job(str(file)), lathe())
+    work = open_work(load_job(str(file)), lathe())
     assert len(shown(state(), "run.arm", work=work).orders) == 1
     file.write_text(file.read_text(encoding="utf-8").replace("depth_of_cut_mm = ", "depth_of_cut_mm = 1"))
     page = shown(state(), "run.arm", work=work)
     assert (page.orders, page.said) == ([], ["job.changed_on_disk"])
-    assert len(shown(state(), "run.arm", work=edited(work, "depth_of_cut_mm", "0.05")).orders) == 1
+    assert len(shown(state(), "run.arm", work=edit_field(work, "depth_of_cut_mm", "0.05")).orders) == 1
     file.unlink()
     assert len(shown(state(), "run.arm", work=work).orders) == 1
 
 
 def test_an_edited_job_is_not_recorded_as_its_file() -> None:
-    work = edited(experiment(), "depth_of_cut_mm", "0.05")
+    work = edit_field(experiment(), "depth_of_cut_mm", "0.05")
     page = shown(state(), "run.arm", work=work)
     (order,) = page.orders
     assert isinstance(order, Arm)
@@ -203,7 +203,7 @@ def test_what_stands_in_the_way_is_said_and_nothing_armed() -> None:
 
 
 def test_a_job_that_does_not_fit_is_not_armed() -> None:
-    work = edited(experiment(), "cut_length_mm", "29")
+    work = edit_field(experiment(), "cut_length_mm", "29")
     page = shown(state(), "run.arm", work=work)
     assert (page.orders, page.said) == ([], ["rule.length_over_overhang"])
     assert "cut_length_mm" not in page.text
@@ -226,7 +226,7 @@ def test_f6_starts_only_what_is_armed_f5_takes_it_back_and_enter_does_nothing() 
 
 def test_each_value_of_a_cut_has_its_row_and_its_bound() -> None:
     """Of a look that was asked for 0.23 s ago each value may be that old; a phase may be within its bound."""
-    out = Phase(error_deg=-1.5, within_deg=0.05)
+    out = PhaseLag(error_deg=-1.5, within_deg=0.05)
     old = replace(cutting(), snapshot=replace(look(running=True), asked_s=99.77, at_s=99.9))
     shown_words: list[tuple[StationState, str]] = [
         (cutting(phase=out), "OUT -1.50 °"),
@@ -256,7 +256,9 @@ def test_each_value_of_a_cut_has_its_row_and_its_bound() -> None:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_lobe_that_is_nothing_to_the_part_has_no_limit(language: str) -> None:
-    page = shown(cutting(phase=Phase(error_deg=-35.0, within_deg=0.05), phase_limit_deg=None), language=language)
+    page = shown(
+        cutting(phase=PhaseLag(error_deg=-35.0, within_deg=0.05), phase_limit_deg=None), language=language
+    )
     assert "-35.00 °" in page.text and "OUT" not in page.text
     assert load(language)("run_page.no_limit", limit="") in page.text
 
@@ -272,7 +274,7 @@ def test_what_the_controller_sees_of_the_safety_devices_is_shown(now: StationSta
 def test_in_little_room_what_is_not_well_stays() -> None:
     text, snapshot = load("en"), replace(look(), inputs={**GUARDS, "spindle_permit": False})
     assert len(input_lines(text, snapshot, 40, 9)) > 1
-    assert plain(input_lines(text, snapshot, 40, 1)) == "✗ spindle permit"
+    assert plain_text(input_lines(text, snapshot, 40, 1)) == "✗ spindle permit"
     assert input_lines(text, snapshot, 40, 0) == []
 
 
@@ -370,7 +372,7 @@ def test_without_compensation_nothing_is_judged() -> None:
 
 def test_the_summary_is_of_what_was_armed() -> None:
     moved = replace(VALID, jaw=JawAngle(angle_deg=99.0, jaws=3, at="09:59"), touch_off=None)
-    other = with_strategy(edited(experiment(), "chucking_force_n", "700"), "none")
+    other = with_strategy(edit_field(experiment(), "chucking_force_n", "700"), "none")
     page = shown(state(moved, armed=armed()), work=other, size=(100, 30))
     for value in ("1314 N", "pvt", "12.60 °", "R 76.000 mm"):
         assert value in page.text

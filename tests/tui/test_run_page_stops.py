@@ -20,12 +20,12 @@ from console.session.station.commands import (
 )
 from console.session.station.progress import AxisToGo, CutPhase, CutStage, PhaseLeft
 from console.session.station.state import Activity, StationState
-from console.session.work import edited
+from console.session.work import edit_field
 from console.text.catalogue import load
 from console.tui.keymap import actions_of
-from console.tui.lines import line, plain
+from console.tui.lines import line, plain_text
 from console.tui.pages.cut_lines import gauge
-from console.tui.pages.fields import named
+from console.tui.pages.fields import name_field
 from console.tui.pages.run import RunPage, reading_s
 from console.tui.pages.run_lines import summary_lines
 from console.tui.run.error_band import band_series, error_band
@@ -217,7 +217,7 @@ def test_a_cut_that_was_left_with_its_zeros_lost_is_not_said_to_stand_in_the_par
 def test_where_the_tool_is_goes_by_the_part_that_is_clamped() -> None:
     """A job with a smaller part is opened after a cut was left: the tool is where it is."""
     left = state(snapshot=look(tool=SURFACE_COUNTS), cut=cut())
-    other = edited(experiment(), "diameter_mm", "40")
+    other = edit_field(experiment(), "diameter_mm", "40")
     page = shown(left, "run.retract", work=other)
     assert page.orders == [Retract()]
     assert "F8" in page.next_step
@@ -265,11 +265,11 @@ def test_the_times_of_a_stop_are_whole_at_80_columns(language: str) -> None:
 def test_a_table_that_was_left_on_does_not_say_that_the_blank_was_not_clamped_for_this_job(language: str) -> None:
     text, work = load(language), experiment()
     left_on = replace(VALID, tables=(Problem(code="cut.table_on", key="I51", value="1"),))
-    rows = plain(summary_lines(text, state(left_on), work, 100.0, 60))
+    rows = plain_text(summary_lines(text, state(left_on), work, 100.0, 60))
     assert VALID.clamping is not None and VALID.clamping.at in rows
     assert text("run_page.not_of_job") not in rows
     of_another = replace(left_on, clamping=replace(VALID.clamping, diameter_mm=53.0))
-    assert text("run_page.not_of_job") in plain(summary_lines(text, state(of_another), work, 100.0, 60))
+    assert text("run_page.not_of_job") in plain_text(summary_lines(text, state(of_another), work, 100.0, 60))
 
 
 # A moment of a cut on the page Run: phases that are left, way to go, line of the program, what repeats.
@@ -394,7 +394,7 @@ def test_the_list_of_messages_has_every_reason_against_every_key(now: object, la
     text, work = load(language), experiment()
     ui = ui_for(FixedControl(now), "/nowhere", language, work)  # type: ignore[arg-type]
     page, view = RunPage(ui), View(state=now, work=work, now_s=100.0)  # type: ignore[arg-type]
-    told = " ".join(plain(page.in_full(view, 76)).split())
+    told = " ".join(plain_text(page.in_full(view, 76)).split())
     for action in actions_of(page.name_):
         for problem in page.why_not(action.id, view):
-            assert " ".join(text.problem(named(problem, text)).split()) in told, (action.id, problem)
+            assert " ".join(text.problem(name_field(problem, text)).split()) in told, (action.id, problem)

@@ -14,7 +14,7 @@ from rich.segment import Segment
 from textual.pilot import Pilot
 
 from console.session.appearance import GLYPHS, THEMES, Appearance
-from console.session.configuration import Configuration, Origin, Setting, read_configuration
+from console.session.configuration import Configuration, Setting, SettingOrigin, read_configuration
 from console.session.station.history.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
@@ -24,7 +24,7 @@ from console.tui.application.own_keys import REMAPPABLE
 from console.tui.frame import keys_row
 from console.tui.key_help import help_lines
 from console.tui.keymap import PageName
-from console.tui.lines import plain, width_of
+from console.tui.lines import plain_text, width_of
 from console.tui.theme import MONO
 from tests.tui import run_stage
 from tests.tui.scenes import Scene, console_on, fill, fixed_world, keys_to, rows_of, scene_of, settle
@@ -58,7 +58,7 @@ def own_configuration(folder: Path, monkeypatch: pytest.MonkeyPatch, **variables
 
 
 def codes(app: ConsoleApp) -> list[str]:
-    return [problem.code for problem in app.ui.said]
+    return [problem.code for problem in app.ui.key_answer]
 
 
 def segments_of(app: ConsoleApp) -> list[list[Segment]]:
@@ -140,15 +140,15 @@ async def test_nothing_is_changed_while_something_moves_or_a_cut_is_armed(name: 
 
 async def test_what_a_later_place_fixes_is_said_and_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     configuration = own_configuration(tmp_path, monkeypatch, TRILOBE_CALM="on")
-    option = Setting(value="en", origin=Origin.OPTION, place="--lang")
-    configuration = configuration.below({"language": option})
+    option = Setting(value="en", origin=SettingOrigin.OPTION, place="--lang")
+    configuration = configuration.with_layer({"language": option})
     appearance = Appearance(calm="on")
     async with play(tmp_path, configuration=configuration, appearance=appearance, palette=MONO) as (app, pilot, _):
         shown = "\n".join(rows_of(app))
         assert "fixed by --lang" in shown and "fixed by TRILOBE_CALM" in shown and "fixed by NO_COLOR" in shown
         for steps, place in ((0, "--lang"), (1, "NO_COLOR"), (2, "TRILOBE_CALM")):
             await pilot.press(*["down"] * steps, "right")
-            assert (codes(app), app.ui.said[0].value) == (["screen.setting_fixed"], place)
+            assert (codes(app), app.ui.key_answer[0].value) == (["screen.setting_fixed"], place)
         assert not (tmp_path / "trilobe").exists()
 
 
@@ -223,7 +223,7 @@ async def test_a_key_that_cannot_be_had_is_refused_with_both_names(tmp_path: Pat
             given = action
             assert codes(app) == [code] and app.ui.appearance.keys == {}, typed
             if code == "screen.own_key_taken":
-                assert app.ui.said[0].limit == names[typed] and app.ui.said[0].key
+                assert app.ui.key_answer[0].limit == names[typed] and app.ui.key_answer[0].key
         assert (control.stops, control.kills) == ([], []), "typing the name of a key is not pressing it"
 
 
@@ -258,8 +258,8 @@ def test_with_an_own_key_on_every_action_the_rows_and_lists_of_keys_still_fit(la
     for page in PageName:
         now = replace(frame(language=language), page=page, own=own)
         (row,) = keys_row(now, 80)
-        assert width_of(row) <= 80 and plain([row]).endswith(load(language)("key.help"))
+        assert width_of(row) <= 80 and plain_text([row]).endswith(load(language)("key.help"))
         for number in (1, 2):
             listed = help_lines(load(language), page, number, 78, own)
             assert all(width_of(each) <= 78 for each in listed)
-            assert "…" not in "".join(plain([each])[:9] for each in listed), "a key is cut"
+            assert "…" not in "".join(plain_text([each])[:9] for each in listed), "a key is cut"

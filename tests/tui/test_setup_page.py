@@ -12,11 +12,20 @@ from rich.cells import cell_len
 
 from console.session.data.kept_files import jobs_folder
 from console.session.station.state import Activity, StationState
-from console.session.work import edited
+from console.session.work import edit_field
 from console.text.catalogue import load
 from console.tui.gate import FieldKind
-from console.tui.lines import plain, width_of
-from console.tui.pages.fields import FORM, bounds, free_name, judge, name_problem, named, with_unit, written
+from console.tui.lines import plain_text, width_of
+from console.tui.pages.fields import (
+    FORM,
+    bounds,
+    format_field,
+    free_name,
+    judge,
+    name_field,
+    name_problem,
+    with_unit,
+)
 from console.tui.pages.setup import SetupPage
 from console.tui.pages.setup_lines import finding_lines, speed_lines
 from console.units import METRIC
@@ -128,7 +137,7 @@ def test_a_force_without_a_torque_says_so_and_a_chuck_without_a_line_says_nothin
     words = {}
     for offset_n, slope in ((1400.0, 377.0), (None, None)):
         known = replace(chuck, force_offset_n=offset_n, force_per_torque_n_per_n_m=slope)
-        words[slope] = plain(speed_lines(work.job, replace(machine, chuck=known), load("en"), 29, 7))
+        words[slope] = plain_text(speed_lines(work.job, replace(machine, chuck=known), load("en"), 29, 7))
     assert "no such torque" in words[377.0]
     assert "wrench" not in words[None]
 
@@ -147,11 +156,11 @@ async def test_what_does_not_parse_is_not_taken_and_not_lost(language: str, tmp_
             await stage.type(typed)
             assert "✗ " + stage.ui.text("setup.refused") in stage.text
             for ending in ("setup.edit", "setup.next", "setup.previous", "setup.save_as"):
-                stage.ui.said = ()
+                stage.ui.key_answer = ()
                 await stage.act(ending)
                 assert stage.codes == [code] and stage.kind() is FieldKind.NUMBER
                 assert f"[{typed} " in stage.text
-            assert code != "value.not_number" or stage.ui.said[0].value == f'"{typed}"'
+            assert code != "value.not_number" or stage.ui.key_answer[0].value == f'"{typed}"'
         assert stage.ui.work == experiment()
 
 
@@ -223,10 +232,10 @@ def armed() -> Any:
     ],
 )
 async def test_values_are_locked_while_they_matter(state: StationState, code: str, tmp_path: Path) -> None:
-    async with play(tmp_path, work=edited(experiment(), "jaws", "4"), state=state) as stage:
+    async with play(tmp_path, work=edit_field(experiment(), "jaws", "4"), state=state) as stage:
         before = stage.ui.work
         for action in ("setup.edit", "setup.undo", "setup.save_as"):
-            stage.ui.said = ()
+            stage.ui.key_answer = ()
             await stage.act(action)
             assert stage.codes == [code]
             assert stage.kind() is FieldKind.NONE
@@ -273,14 +282,14 @@ async def test_a_changed_condition_of_the_measured_lobe_says_so_at_its_field(
 
 
 async def test_save_as_offers_a_free_name_and_opens_what_it_saved(tmp_path: Path) -> None:
-    async with play(tmp_path, work=edited(experiment(), "jaws", "4")) as stage:
+    async with play(tmp_path, work=edit_field(experiment(), "jaws", "4")) as stage:
         await stage.act("setup.save_as")
         assert stage.kind() is FieldKind.TEXT
         assert "[lee-2001-experiment-1-2 " in stage.text
         await stage.type("lee-2001-experiment-1")
         await stage.act("setup.edit")
         assert stage.codes == ["screen.name_taken"]
-        assert stage.ui.said[0].limit == "lee-2001-experiment-1-2"
+        assert stage.ui.key_answer[0].limit == "lee-2001-experiment-1-2"
         await stage.pilot.press("home", *["delete"] * 40)
         await stage.pilot.press("m", "y", "space", "r")
         await stage.act("setup.edit")
@@ -301,7 +310,7 @@ async def test_nothing_is_saved_without_a_name_and_a_disk_that_refuses_is_said(t
         stage.page.leave()
         assert stage.codes == ["screen.not_saved"]
         assert not jobs_folder(tmp_path).exists()
-        stage.ui.said = ()
+        stage.ui.key_answer = ()
         await stage.act("setup.save_as")
         (tmp_path / "jobs").write_text("a file where the folder should be")
         await stage.act("setup.edit")
@@ -353,10 +362,10 @@ def test_rules_that_have_no_room_are_counted() -> None:
     work = experiment()
     findings = [finding for finding in check(work.job, work.machine.machine) if finding.severity is Severity.OK]
     assert len(findings) == 22
-    rows = plain(finding_lines(findings, load("en"), 40, 9)).split("\n")
+    rows = plain_text(finding_lines(findings, load("en"), 40, 9)).split("\n")
     assert len(rows) == 9
     assert rows[-1].strip() == "… 15 more passed: w"
-    assert "more passed" not in plain(finding_lines(findings, load("en"), 40, 23))
+    assert "more passed" not in plain_text(finding_lines(findings, load("en"), 40, 23))
 
 
 # The fields of the form: numbers are shown as they are, limits fit their cells, file names can be kept.
@@ -398,14 +407,14 @@ def test_limits_stand_in_ten_cells(key: str, shown: str) -> None:
 @pytest.mark.parametrize("field", FORM, ids=lambda field: field.key)
 def test_what_is_shown_can_be_typed_again(field: object) -> None:
     work = experiment()
-    assert judge(work, FIELDS[field.key], written(FIELDS[field.key], work.job, METRIC), METRIC).work is work  # type: ignore[attr-defined]
+    assert judge(work, FIELDS[field.key], format_field(FIELDS[field.key], work.job, METRIC), METRIC).work is work  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_refusal_calls_the_field_as_the_form_does(language: str) -> None:
     text, field = load(language), FIELDS["chucking_force_n"]
     (problem,) = judge(experiment(), field, "200000", METRIC).problems
-    words = text.problem(named(problem, text))
+    words = text.problem(name_field(problem, text))
     assert text("setup.chucking_force_n") in words
     assert "chucking_force_n" not in words
     assert "100000 N" in words

@@ -193,7 +193,7 @@ async def test_a_click_chooses_a_row_and_the_wheel_goes_through_the_list(tmp_pat
         assert app.page is PageName.JOBS and app.ui.job is experiment().job, "it is not opened"
         await turn(app, pilot, events.MouseScrollUp)
         assert "steel-bar-65 ─" not in "\n".join(rows_of(app))
-        app.ui.said = ()
+        app.ui.key_answer = ()
         for page, words in ((PageName.SETTINGS, "signs"), (PageName.MORE, "Log"), (PageName.ALARMS, " 3 08:5")):
             await pilot.press(*keys_to(page))
             app._acted_s = float("-inf")

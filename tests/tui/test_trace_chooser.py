@@ -17,7 +17,7 @@ from textual.widgets import Input
 
 from console.session.station.commands import TakeTrace
 from console.session.station.state import Activity, StationState
-from console.tui.lines import plain
+from console.tui.lines import plain_text
 from console.tui.pages.inspect import InspectPage
 from console.tui.ui_context import View
 from profiles.traces import Trace, write_trace
@@ -80,7 +80,7 @@ class Staged:
 
     @property
     def next_step(self) -> str:
-        return plain([self.page.next_step(self.view)])
+        return plain_text([self.page.next_step(self.view)])
 
 
 async def test_the_newest_file_is_offered_and_enter_takes_it_for_the_part(tmp_path: Path) -> None:
@@ -106,10 +106,10 @@ async def test_what_the_file_does_not_state_is_answered_before_it_is_taken(tmp_p
     async with Staged(tmp_path) as staged:
         await staged.do("inspect.import", "inspect.next")
         assert staged.control.orders == []
-        assert [problem.code for problem in staged.page.ui.said] == ["trace.not_ready"]
+        assert [problem.code for problem in staged.page.ui.key_answer] == ["trace.not_ready"]
         assert staged.next_step.endswith("answer with s, j.")
         await staged.do("inspect.direction")
-        assert [problem.code for problem in staged.page.ui.said] == ["trace.stated"]
+        assert [problem.code for problem in staged.page.ui.key_answer] == ["trace.stated"]
         assert "clamped" in await staged.do("inspect.state", "inspect.state")
         await staged.do("inspect.state", "inspect.mark", "inspect.next")
     (order,) = staged.control.orders
@@ -155,7 +155,7 @@ async def test_no_row_is_wider_than_the_terminal(language: str, size: tuple[int,
         text = await staged.do("inspect.import")
         assert all(cell_len(row) <= size[0] for row in text.splitlines())
         assert cell_len(staged.next_step) <= size[0] - 3
-        shown = plain(staged.page.in_full(staged.view, 200))
+        shown = plain_text(staged.page.in_full(staged.view, 200))
         assert "clamped" in shown or "척킹 상태" in shown
 
 

@@ -8,18 +8,18 @@ from pathlib import Path
 import pytest
 
 from console.session.data.health import store as store_test
-from console.session.data.identified import store
+from console.session.data.identified_responses import store
 from console.session.station.commands import ApplyGains, CheckHealth, Command, IdentifyTool, ReadLoop, RevertGains
 from console.session.station.state import Activity, StationState
-from console.session.tuning.standing import StandingTrial, stands_problem
+from console.session.tuning.standing_trial import StandingTrial, stands_problem
 from console.tui.further.loop_lines import loop_facts
 from console.tui.further.tune import TunePage
-from console.tui.lines import plain
+from console.tui.lines import plain_text
 from console.tui.records import background_reader
 from drivers.cutting.strategy import Strategy
 from drivers.identification.tool_gains import ToolLoop
+from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.snapshot import AxisState, Snapshot
-from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage, tune_stage
 from tests.tui.machine_states import ON, REST, aligned
 from tests.tui.page_stage import PageScene, on_page
@@ -95,14 +95,14 @@ async def test_the_controller_is_asked_when_the_page_is_shown_but_not_where_that
         "ready": STATE,
         "armed": replace(STATE, armed=run_stage.armed()),
         "cutting": replace(STATE, activity=Activity.CUTTING),
-        "observing": replace(STATE, standing=Standing.OUSTED, holder=7),
+        "observing": replace(STATE, standing=ConsoleRole.OUSTED, holder=7),
         "lost": replace(STATE, activity=Activity.LOST),
         "connecting": StationState(),
     }
     async with on_page(TuneScene, tmp_path, state=STATE) as stage:
         for name, state in states.items():
             stage.page.leave()
-            stage.control.state, stage.control.orders, stage.ui.said = state, [], ()
+            stage.control.state, stage.control.orders, stage.ui.key_answer = state, [], ()
             await stage.show()
             by_itself = list(stage.control.orders)
             stage.control.orders = []
@@ -181,7 +181,7 @@ async def test_a_test_is_armed_with_what_it_moves_and_started_by_a_key_of_its_ow
         assert stage.control.orders in ([], [ReadLoop()]) and "25 um" in stage.words and "F6" in stage.words
         await stage.act("tune.start")
         assert stage.control.orders[-1] == CheckHealth(step_um=25.0)
-        stage.control.orders, stage.ui.said = [], ()
+        stage.control.orders, stage.ui.key_answer = [], ()
         await stage.act("tune.start")
         assert (stage.control.orders, stage.codes) == ([], ["screen.tune_not_armed"]), "once"
         await stage.act("tune.kind", "tune.kind", "tune.arm", "tune.start")
@@ -195,7 +195,7 @@ async def test_what_was_armed_is_not_started_late_nor_after_anything_has_changed
             "in time": (SET_UP, 119.0, ()),
             "late": (SET_UP, 121.0, ()),
             "another key": (SET_UP, 101.0, ("tune.down",)),
-            "lost control": (replace(SET_UP, standing=Standing.OUSTED, holder=7), 101.0, ()),
+            "lost control": (replace(SET_UP, standing=ConsoleRole.OUSTED, holder=7), 101.0, ()),
             "drives off": (STATE, 101.0, ()),
             "a cut armed": (replace(SET_UP, armed=run_stage.armed()), 101.0, ()),
         }
@@ -228,14 +228,14 @@ async def test_a_test_is_refused_with_its_reason_and_the_next_step_is_what_it_st
             "jog it away",
         ),
         "screen.tune_cut_armed": (replace(SET_UP, armed=run_stage.armed()), "F5 says why"),
-        "screen.observes": (replace(SET_UP, standing=Standing.OUSTED, holder=7), ""),
+        "screen.observes": (replace(SET_UP, standing=ConsoleRole.OUSTED, holder=7), ""),
         "screen.in_motion": (replace(SET_UP, activity=Activity.CUTTING), ""),
     }
     async with on_page(TuneScene, tmp_path, state=SET_UP) as stage:
         await stage.act("tune.kind")
         for code, (state, words) in states.items():
             stage.page.leave()
-            stage.control.state, stage.control.orders, stage.ui.said = state, [], ()
+            stage.control.state, stage.control.orders, stage.ui.key_answer = state, [], ()
             await stage.show()
             assert words in stage.next_step, code
             await stage.act("tune.arm")
@@ -286,7 +286,7 @@ async def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written
         while "I130" not in stage.text or "tool.gain_kp" not in stage.text:
             await stage.act("tune.view")
             await stage.show()
-        shown = plain(stage.page.in_full(stage.view, 78))
+        shown = plain_text(stage.page.in_full(stage.view, 78))
         assert "2026-01-01 10:06" in shown and "528" in shown and "console controller apply" in shown
         assert "tune_page." not in shown + stage.next_step and stage.control.orders == []
 
@@ -300,7 +300,7 @@ async def test_what_was_seen_of_another_firmware_makes_no_proposal_that_apply_wo
     ) as stage:
         await stage.act("tune.view", "tune.view", "tune.view")
         await stage.show()
-        said = " ".join(plain(stage.page.in_full(stage.view, 200)).split())
+        said = " ".join(plain_text(stage.page.in_full(stage.view, 200)).split())
         assert "I136" in said and "a first notch filter" in said
 
 
@@ -309,7 +309,7 @@ async def test_without_a_response_of_the_axis_none_are_proposed_and_what_to_meas
 ) -> None:
     async with on_page(TuneScene, tmp_path, state=STATE, size=(80, 24)) as stage:
         await stage.act("tune.view", "tune.view", "tune.view")
-        said = " ".join(plain(stage.page.in_full(stage.view, 200)).split())
+        said = " ".join(plain_text(stage.page.in_full(stage.view, 200)).split())
         assert "nobody knows what bends" in said and "console identify --frequencies 25,30" in said
         await stage.act("tune.apply")
         assert stage.codes == ["screen.tune_no_proposal"]
@@ -382,7 +382,7 @@ async def test_what_stands_after_a_broken_writing_is_told_and_nothing_is_written
     on = replace(AT_REST, tool=replace(AT_REST.tool, flags=ON))
     states = {
         "screen.tune_drives_on": replace(STATE, snapshot=on, trial=on_trial()),
-        "screen.observes": replace(STATE, standing=Standing.OUSTED, holder=7),
+        "screen.observes": replace(STATE, standing=ConsoleRole.OUSTED, holder=7),
         "screen.tune_gains_armed": replace(STATE, armed=run_stage.armed()),
         "screen.tune_unread": replace(STATE, tool_loop=None),
         "trial.none": STATE,
@@ -394,7 +394,7 @@ async def test_what_stands_after_a_broken_writing_is_told_and_nothing_is_written
         assert "I132 4905 4200 17" in stage.words
         stage.page.leave()
         for code, state in states.items():
-            stage.control.state, stage.ui.said = state, ()
+            stage.control.state, stage.ui.key_answer = state, ()
             await stage.act("tune.revert" if code in ("trial.none", "screen.tune_drives_on") else "tune.apply")
             assert stage.codes == [code]
             assert not {ApplyGains, RevertGains} & {type(order) for order in stage.control.orders}

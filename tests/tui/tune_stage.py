@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from console.session.data.health import store as store_test
-from console.session.data.identified import store
+from console.session.data.identified_responses import store
 from drivers.cutting.strategy import Strategy
 from drivers.identification.health import HealthModel, HealthResult
-from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, ResponseOrigin
 from drivers.identification.tool_gains import MODELLED, UNMODELLED, ToolLoop
 from profiles.axis.sampled_loop import FlexibleMode, SampledLoop, loop_of, profile_plant
 from profiles.axis.servo_gains import with_variables
-from profiles.axis.step_figures import ErrorFigures, StepFigures, modelled
+from profiles.axis.step_figures import ErrorFigures, StepFigures, model_step
 from tests.tui.stage import MACHINE, lathe
 
 
@@ -53,7 +53,7 @@ def swept(loop: SampledLoop, gain_ci: float = 0.002) -> tuple[IdentifiedPoint, .
     return tuple(
         point(hz, response, amplitude_um, gain_ci)
         for amplitude_um, at in ((50.0, SLOW), (35.0, FAST))
-        for hz, response in zip(at, loop.closed(at).tolist(), strict=True)
+        for hz, response in zip(at, loop.closed_loop(at).tolist(), strict=True)
     )
 
 
@@ -77,7 +77,7 @@ def identified(
 ) -> IdentifiedResponse:
     """A response of that tool, by another integrator, as `console identify` keeps it."""
     present = {name: value for name, value in tool_loop().gains.items() if name >= "I130"}
-    origin = Origin(
+    origin = ResponseOrigin(
         machine=MACHINE,
         simulated=simulated,
         version="1.17",
@@ -141,7 +141,7 @@ def filter_test(
         origin=replace(made.origin, gains=gains, simulated=simulated),
         times_ms=tuple(at_ms.tolist()),
         reference_um=tuple(reference.tolist()),
-        position_um=tuple(modelled(loop, reference).tolist()),
+        position_um=tuple(model_step(loop, reference).tolist()),
     )
 
 
@@ -153,7 +153,7 @@ def fill_tests(data: Path) -> None:
 
 def fill_measured(data: Path) -> None:
     """Keep a response of the profile's axis that a design can rest on: two amplitudes, up to 225 Hz."""
-    loop = loop_of(tool_loop().on(lathe().machine))
+    loop = loop_of(tool_loop().apply_to(lathe().machine))
     store(data, replace(identified(swept(loop)), date="2026-01-01T10:06:00.000Z"))
 
 

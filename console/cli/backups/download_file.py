@@ -9,16 +9,16 @@ from pathlib import Path
 from console.cli.backups.way_back import kept_before, read_whole, sending, sent_then_read, undo_command
 from console.cli.library import profile_of, refuse_unsigned
 from console.cli.machine import card_access
-from console.cli.machine.card_access import Card, card_fields, card_line, with_control
-from console.cli.output import agreed, show
+from console.cli.machine.card_access import ConnectedController, card_fields, card_line, with_control
+from console.cli.output import confirm_motion, show
 from console.cli.part.check_program_report import finding_fields, finding_lines, finding_sentence
 from console.cli.part.program_file import checked_file, read_file
 from console.text.catalogue import Catalogue
 from console.text.checks import check_fields, check_lines
-from console.text.columns import broken
+from console.text.columns import wrap_text
 from drivers.commissioning.check import Check
 from drivers.commissioning.downloadable import badly_formed, refusals
-from drivers.commissioning.downloading import Change, differing, may_run, planned, send, sent_lines
+from drivers.commissioning.downloading import BufferChange, differing, may_run, plan_download, send, sent_lines
 from drivers.errors import RefusedError
 from drivers.pmac.analysis.findings import ProgramFinding
 from drivers.pmac.analysis.program import refused_findings
@@ -34,16 +34,16 @@ MOST_SAID = 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Downloaded:
+class _DownloadResult:
     """What was done: `kept` is the backup of what there was before, None where nothing was sent."""
 
-    changes: tuple[Change, ...]
+    changes: tuple[BufferChange, ...]
     kept: Path | None = None
     left: tuple[Check, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Source:
+class DownloadSource:
     """What a file has to send, and the warnings and notices of its check."""
 
     buffers: tuple[TextBuffer, ...]
@@ -55,7 +55,7 @@ class Source:
         return tuple(each.number for each in self.buffers if each.kind is BufferKind.PROGRAM)
 
 
-def read_source(path: Path, machine: MachineProfile, text: Catalogue) -> Source:
+def read_source(path: Path, machine: MachineProfile, text: Catalogue) -> DownloadSource:
     """Read a file and check it; nothing is sent.
 
     Raises:
@@ -78,7 +78,7 @@ def read_source(path: Path, machine: MachineProfile, text: Catalogue) -> Source:
     ]
     problems = problems or list(badly_formed(read.source.buffers, where))
     _refuse(problems, where)
-    return Source(buffers=read.source.buffers, findings=findings)
+    return DownloadSource(buffers=read.source.buffers, findings=findings)
 
 
 def _refuse(said: list[Problem], where: str) -> None:
@@ -96,26 +96,26 @@ def download_file(options: Namespace, text: Catalogue) -> int:
         return _download(options, card, source, text)
 
 
-def _download(options: Namespace, card: Card, source: Source, text: Catalogue) -> int:
+def _download(options: Namespace, card: ConnectedController, source: DownloadSource, text: Catalogue) -> int:
     if not card.simulated:
         refuse_unsigned(card.machine)
     dialect = card.client.dialect
     _refuse_other_family(card)
-    changes = planned(card.client, dialect, source.buffers)
+    changes = plan_download(card.client, dialect, source.buffers)
     if not options.json:
         print("\n".join(_plan(card, source, changes, text)))
-    found = _Downloaded(changes=changes)
+    found = _DownloadResult(changes=changes)
     if any(change.differs for change in changes):
-        if not agreed(options, card.machine.name, card.simulated, text, "download"):
+        if not confirm_motion(options, card.machine.name, card.simulated, text, "download"):
             return 1
         kept = kept_before(options, card, read_whole(card, text, "configuration.reading", source.programs))
         left = _sent_and_read(card, changes, printable(options.file), undo_command(options, kept), text)
-        found = _Downloaded(changes=changes, kept=kept, left=tuple(left))
+        found = _DownloadResult(changes=changes, kept=kept, left=tuple(left))
     show(options, lambda: _fields(options, card, source, found, text), lambda: _lines(options, found, text))
     return 1 if found.left else 0
 
 
-def _refuse_other_family(card: Card) -> None:
+def _refuse_other_family(card: ConnectedController) -> None:
     """The file was read in the language of the family of the profile."""
     family, found = card.machine.controller.family, card.client.dialect.name
     if found != family:
@@ -123,7 +123,9 @@ def _refuse_other_family(card: Card) -> None:
         raise RefusedError(Problem(code=code, where=card.address, value=found, limit=family))
 
 
-def _sent_and_read(card: Card, changes: tuple[Change, ...], where: str, undo: str, text: Catalogue) -> list[Check]:
+def _sent_and_read(
+    card: ConnectedController, changes: tuple[BufferChange, ...], where: str, undo: str, text: Catalogue
+) -> list[Check]:
     """Send what differs, and return what then still does."""
 
     def work() -> None:
@@ -134,7 +136,9 @@ def _sent_and_read(card: Card, changes: tuple[Change, ...], where: str, undo: st
     return sent_then_read(work, lambda: differing(card.client, changes), unread)
 
 
-def _plan(card: Card, source: Source, changes: tuple[Change, ...], text: Catalogue) -> list[str]:
+def _plan(
+    card: ConnectedController, source: DownloadSource, changes: tuple[BufferChange, ...], text: Catalogue
+) -> list[str]:
     """Return what the check found, and what would be replaced by what."""
     lines = [card_line(card, text), *finding_lines(source.findings, text), ""]
     for change in changes:
@@ -143,12 +147,12 @@ def _plan(card: Card, source: Source, changes: tuple[Change, ...], text: Catalog
         lines.append(text(f"download.buffer.{key}", **facts))
     running = may_run(card.client, tuple(change for change in changes if change.differs))
     if running:
-        lines += broken(text("download.may_run", names=", ".join(running)), WIDTH)
+        lines += wrap_text(text("download.may_run", names=", ".join(running)), WIDTH)
     return lines
 
 
 def _fields(
-    options: Namespace, card: Card, source: Source, found: _Downloaded, text: Catalogue
+    options: Namespace, card: ConnectedController, source: DownloadSource, found: _DownloadResult, text: Catalogue
 ) -> dict[str, object]:
     return {
         **card_fields(card),
@@ -170,11 +174,11 @@ def _fields(
     }
 
 
-def _lines(options: Namespace, found: _Downloaded, text: Catalogue) -> list[str]:
+def _lines(options: Namespace, found: _DownloadResult, text: Catalogue) -> list[str]:
     if found.kept is None:
         return ["", text("download.nothing_to_send")]
     count = len(sent_lines(found.changes))
     done = text("download.not_all" if found.left else "download.done", count=count)
-    after = broken(text("download.not_saved"), WIDTH)
+    after = wrap_text(text("download.not_saved"), WIDTH)
     undo = text("configuration.restore_undo", command=undo_command(options, found.kept))
-    return ["", *broken(done, WIDTH), *check_lines(found.left, text), "", *after, undo]
+    return ["", *wrap_text(done, WIDTH), *check_lines(found.left, text), "", *after, undo]

@@ -10,14 +10,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
-from console.cli.backups.reading_progress import reading_shown, shown
+from console.cli.backups.reading_progress import reading_shown, show_reading_progress
 from console.cli.library import data_of
-from console.cli.machine.card_access import Card
+from console.cli.machine.card_access import ConnectedController
 from console.session.data.controller_backups import backup_path, keep_backup
 from console.session.errors import Interrupted
 from console.session.time_left import fraction_done
 from console.text.catalogue import Catalogue
-from drivers.commissioning.configuration import Configuration
+from drivers.commissioning.configuration import ControllerConfiguration
 from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.commissioning.restoring import Seen
 from drivers.errors import DriverError
@@ -28,14 +28,16 @@ _PARTLY = ("controller.restored_in_part", "download.left", "download.left_unread
 _Read = TypeVar("_Read")
 
 
-def read_whole(card: Card, text: Catalogue, key: str, programs: Iterable[int] = ()) -> Configuration:
+def read_whole(
+    card: ConnectedController, text: Catalogue, key: str, programs: Iterable[int] = ()
+) -> ControllerConfiguration:
     """Read the whole controller with all values: what there is before is also the way back."""
     dialect = card.client.dialect
     with reading_shown(card, text, key=key) as seen:
         return read_configuration(card.client, dialect, whole_card(dialect, values=True, programs=programs), seen)
 
 
-def kept_before(options: Namespace, card: Card, now: Configuration) -> Path:
+def kept_before(options: Namespace, card: ConnectedController, now: ControllerConfiguration) -> Path:
     """Write what there is to a new backup in the data folder, and return it."""
     kept = backup_path(data_of(options), card.machine.name)
     keep_backup(now, kept, private=True)
@@ -51,7 +53,7 @@ def undo_command(options: Namespace, kept: Path) -> str:
 
 
 @contextmanager
-def sending(card: Card, key: str, undo: str, text: Catalogue) -> Iterator[Seen]:
+def sending(card: ConnectedController, key: str, undo: str, text: Catalogue) -> Iterator[Seen]:
     """Show how far a sending is; one that ends half way names the backup of what there was before."""
     done = (0, 1)
 
@@ -60,7 +62,7 @@ def sending(card: Card, key: str, undo: str, text: Catalogue) -> Iterator[Seen]:
         done = number, max(of, 1)
 
     try:
-        with shown(key, text, lambda: fraction_done(*done)):
+        with show_reading_progress(key, text, lambda: fraction_done(*done)):
             yield seen
     except DriverError as error:
         if any(problem.code in _PARTLY for problem in error.problems):

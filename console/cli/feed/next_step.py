@@ -31,7 +31,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
     def show(before: FeedState | None, state: FeedState) -> None:
         if before is None or (options.follow and _news(before.next) != _news(state.next)):
-            print(_shown(state, options, text), flush=True)
+            print(_format_next_step(state, options, text), flush=True)
 
     return follow(options, text, show, LEAST_HZ, once=not options.follow)
 
@@ -40,7 +40,7 @@ def _news(step: FeedStep | None) -> object:
     return step and (step.word, step.why)
 
 
-def _shown(state: FeedState, options: Namespace, text: Catalogue) -> str:
+def _format_next_step(state: FeedState, options: Namespace, text: Catalogue) -> str:
     step = state.next
     said = text("next.none") if step is None else step_words(step, state, text)
     if options.json:

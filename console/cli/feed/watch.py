@@ -11,7 +11,7 @@ from dataclasses import asdict
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from console.cli.arguments import number, within
+from console.cli.arguments import number, number_parser_within
 from console.cli.library import data_of
 from console.cli.output import tell
 from console.cli.parser import Parser
@@ -34,7 +34,7 @@ SILENT_S = 5.0  # a console sends a line a second at the least
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the machine, the rate, and whether only to list."""
     parser.add_argument("--machine", metavar="NAME", dest="watched", help=text("help.watch_machine"))
-    rate = within(number, LEAST_HZ, MOST_HZ, "usage.watch_rate", f"{LEAST_HZ:g} - {MOST_HZ:g}")
+    rate = number_parser_within(number, LEAST_HZ, MOST_HZ, "usage.watch_rate", f"{LEAST_HZ:g} - {MOST_HZ:g}")
     parser.add_argument("--rate", metavar="HZ", type=rate, default=LEAST_HZ, help=text("help.watch_rate"))
     parser.add_argument("--list", action="store_true", dest="listing", help=text("help.watch_list"))
 

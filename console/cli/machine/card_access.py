@@ -11,8 +11,8 @@ from pathlib import Path
 from console.cli.library import data_of, link_address, profile_of
 from console.cli.output import tell
 from console.session.signals import Interruption
-from console.session.station.owning import Owning
-from console.session.station.reaching import owning_of
+from console.session.station.machine_connection import owning_of
+from console.session.station.machine_control import MachineControl
 from console.text.catalogue import Catalogue
 from drivers.clock import Clock, RealClock
 from drivers.lathe.lathe import Lathe
@@ -28,7 +28,7 @@ from profiles.store import LoadedMachine
 
 
 @dataclass(frozen=True, kw_only=True)
-class Card:
+class ConnectedController:
     """A connected controller with its identification; `stop` stops what a command moves."""
 
     client: PmacClient
@@ -42,7 +42,7 @@ class Card:
     data: Path
 
 
-def card_line(card: Card, text: Catalogue) -> str:
+def card_line(card: ConnectedController, text: Catalogue) -> str:
     """Return the line that identifies the controller."""
     mark = f"{text('sim')}  " if card.simulated else ""
     return mark + text(
@@ -50,7 +50,7 @@ def card_line(card: Card, text: Catalogue) -> str:
     )
 
 
-def card_fields(card: Card) -> dict[str, object]:
+def card_fields(card: ConnectedController) -> dict[str, object]:
     """Return the machine with its controller, for JSON."""
     return {
         "machine": card.machine.name,
@@ -62,19 +62,21 @@ def card_fields(card: Card) -> dict[str, object]:
 
 
 @contextmanager
-def opened_card(options: Namespace, text: Catalogue) -> Iterator[Card]:
+def opened_card(options: Namespace, text: Catalogue) -> Iterator[ConnectedController]:
     """Connect, with a trace if requested (an unwritable one is refused first); close the connection at the end."""
     loaded, clock = profile_of(options), RealClock()
     address = link_address(options, loaded)
     title = f"{options.command} {loaded.machine.name}"
     tracing = Tracing(None if options.trace is None else Path(options.trace), title)
     try:
-        opening = _simulated(loaded) if isinstance(address, SimulatedAddress) else closing(open_link(address))
+        opening = (
+            _open_simulated_link(loaded) if isinstance(address, SimulatedAddress) else closing(open_link(address))
+        )
         with opening as plain:
-            link = tracing.of(plain, clock.now_s)
+            link = tracing.trace_link(plain, clock.now_s)
             client = PmacClient(link, clock)
             version, kind = client.connect()
-            yield Card(
+            yield ConnectedController(
                 client=client,
                 stop=StopPath(link),
                 clock=clock,
@@ -90,7 +92,7 @@ def opened_card(options: Namespace, text: Catalogue) -> Iterator[Card]:
 
 
 @contextmanager
-def _simulated(machine: LoadedMachine) -> Iterator[Link]:
+def _open_simulated_link(machine: LoadedMachine) -> Iterator[Link]:
     from drivers.simulator.hosts.process import SimulatorProcess
 
     process = SimulatorProcess.start(machine.path)
@@ -101,13 +103,13 @@ def _simulated(machine: LoadedMachine) -> Iterator[Link]:
         process.close()
 
 
-def owned_lathe(card: Card, ownership: Ownership) -> tuple[Lathe, Owning]:
+def owned_lathe(card: ConnectedController, ownership: Ownership) -> tuple[Lathe, MachineControl]:
     """Return the lathe at a controller, and the control of it."""
     lathe = Lathe(card.client, card.machine, card.clock, card.stop, ownership=ownership)
     return lathe, owning_of(lathe, card.address, card.data, simulated=card.simulated)
 
 
-def with_control(card: Card, work: Callable[[], object]) -> None:
+def with_control(card: ConnectedController, work: Callable[[], object]) -> None:
     """Do work with control of the machine; a signal ends the command after control is released."""
     interruption = Interruption()
     interruption.install()

@@ -10,19 +10,19 @@ from pathlib import Path
 from console.cli.backups.reading_progress import reading_shown
 from console.cli.backups.way_back import kept_before, read_whole, sending, sent_then_read, undo_command
 from console.cli.library import data_of, refuse_unsigned
-from console.cli.machine.card_access import Card, card_fields, card_line, with_control
+from console.cli.machine.card_access import ConnectedController, card_fields, card_line, with_control
 from console.cli.machine.doctor_checks import signature_checks
-from console.cli.output import agreed, show
+from console.cli.output import confirm_motion, show
 from console.session.data.controller_backups import backup_path, compare_backup, load_backup, write_backup
 from console.session.data.kept_files import make_folder
-from console.session.tuning.explained import explained_checks
+from console.session.tuning.trial_checks import explained_checks
 from console.text.catalogue import Catalogue
 from console.text.checks import check_fields, check_lines, summary_line
 from drivers.commissioning.backup import Backup
 from drivers.commissioning.check import Check
-from drivers.commissioning.configuration import Configuration
+from drivers.commissioning.checked_configuration import CheckedConfiguration
+from drivers.commissioning.configuration import ControllerConfiguration
 from drivers.commissioning.gains import Write, apply, gain_writes, refuse_unready
-from drivers.commissioning.judged import Judged
 from drivers.commissioning.restoring import (
     kept_limits,
     left_differing,
@@ -38,7 +38,7 @@ from profiles.files import printable
 from profiles.findings import Severity, worst
 
 
-def _backup(options: Namespace, card: Card, text: Catalogue) -> int:
+def _backup(options: Namespace, card: ConnectedController, text: Catalogue) -> int:
     with reading_shown(card, text) as seen:
         found = write_backup(card.client, card.client.dialect, Path(options.file), values=True, seen_words=seen)
     counts = {name: len(getattr(found, name)) for name in ("settings", "axes", "plcs", "programs")}
@@ -51,7 +51,7 @@ def _backup(options: Namespace, card: Card, text: Catalogue) -> int:
     return 0
 
 
-def _verify(options: Namespace, card: Card, text: Catalogue) -> int:
+def _verify(options: Namespace, card: ConnectedController, text: Catalogue) -> int:
     verified = verify(card.client, card.machine, card.client.dialect)
     read = verified.judged.configuration
     trial = explained_checks(data_of(options), card.machine, card.address, read, simulated=card.simulated)
@@ -65,7 +65,7 @@ def _verify(options: Namespace, card: Card, text: Catalogue) -> int:
     return 1 if worst(checks) is Severity.REFUSAL else 0
 
 
-def _diff(options: Namespace, card: Card, text: Catalogue) -> int:
+def _diff(options: Namespace, card: ConnectedController, text: Catalogue) -> int:
     with reading_shown(card, text, values=False):
         compared = compare_backup(card.client, card.client.dialect, card.machine, Path(options.file))
     checks = compared.checks
@@ -82,12 +82,12 @@ def _diff(options: Namespace, card: Card, text: Catalogue) -> int:
     return 1 if checks else 0
 
 
-def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
+def _apply(options: Namespace, card: ConnectedController, text: Catalogue) -> int:
     if options.yes and not card.simulated:
         refuse_unsigned(card.machine)
     client, machine = card.client, card.machine
     found = read_of_machine(client, machine, client.dialect)
-    writes = gain_writes(Judged(configuration=found, machine=machine))
+    writes = gain_writes(CheckedConfiguration(configuration=found, machine=machine))
     backup = None
     if writes and options.yes:
         backup = backup_path(data_of(options), machine.name)
@@ -103,12 +103,12 @@ def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
             "applied": backup is not None,
             "backup": backup and str(backup),
         },
-        lambda: [card_line(card, text), *_applied(writes, backup, text)],
+        lambda: [card_line(card, text), *_describe_applied_writes(writes, backup, text)],
     )
     return 0
 
 
-def _applied(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) -> list[str]:
+def _describe_applied_writes(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) -> list[str]:
     if not writes:
         return [text("configuration.nothing_to_apply")]
     lines = [f"  {text('configuration.line', line=write.line, found=write.found)}" for write in writes]
@@ -119,7 +119,7 @@ def _applied(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) ->
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Restored:
+class _RestoreResult:
     """What was done: `kept` is the backup of what there was before, None if nothing was sent."""
 
     before: tuple[Check, ...]
@@ -129,7 +129,7 @@ class _Restored:
     limits: tuple[str, ...] = ()
 
 
-def restore_backup(options: Namespace, card: Card, text: Catalogue) -> int:
+def restore_backup(options: Namespace, card: ConnectedController, text: Catalogue) -> int:
     """Compare, ask, back up what there is, send, read everything again; 1 where anything differs after that."""
     if not card.simulated:
         refuse_unsigned(card.machine)
@@ -144,23 +144,23 @@ def restore_backup(options: Namespace, card: Card, text: Catalogue) -> int:
     before = in_order(left_differing(backup.configuration, now, card.machine))
     if not options.json:
         print("\n".join([card_line(card, text), _verdict(before, backup, text), *check_lines(before, text)]))
-    found = _Restored(before=before, left=before)
+    found = _RestoreResult(before=before, left=before)
     if before:
-        if not agreed(options, card.machine.name, card.simulated, text):
+        if not confirm_motion(options, card.machine.name, card.simulated, text):
             return 1
         kept = kept_before(options, card, now)
         lines = restore_lines(content, backup, now)
         after = _sent_and_read(card, lines, programs, undo_command(options, kept), text)
         left = in_order(left_differing(backup.configuration, after, card.machine))
         limits = kept_limits(backup.configuration, after)
-        found = _Restored(before=before, kept=kept, sent=len(lines), left=left, limits=limits)
+        found = _RestoreResult(before=before, kept=kept, sent=len(lines), left=left, limits=limits)
     _show(options, card, backup, found, text)
     return 1 if found.left else 0
 
 
 def _sent_and_read(
-    card: Card, lines: tuple[str, ...], programs: Iterable[int], undo: str, text: Catalogue
-) -> Configuration:
+    card: ConnectedController, lines: tuple[str, ...], programs: Iterable[int], undo: str, text: Catalogue
+) -> ControllerConfiguration:
     """Send the lines, and return what the controller has after them."""
 
     def send() -> None:
@@ -176,7 +176,9 @@ def _verdict(checks: tuple[Check, ...], backup: Backup, text: Catalogue) -> str:
     return text(key, count=len(checks), date=backup.date)
 
 
-def _show(options: Namespace, card: Card, backup: Backup, found: _Restored, text: Catalogue) -> None:
+def _show(
+    options: Namespace, card: ConnectedController, backup: Backup, found: _RestoreResult, text: Catalogue
+) -> None:
     show(
         options,
         lambda: {
@@ -191,7 +193,7 @@ def _show(options: Namespace, card: Card, backup: Backup, found: _Restored, text
     )
 
 
-def _lines(options: Namespace, backup: Backup, found: _Restored, text: Catalogue) -> list[str]:
+def _lines(options: Namespace, backup: Backup, found: _RestoreResult, text: Catalogue) -> list[str]:
     hidden = backup.configuration.locked
     lines = [text("configuration.restore_hidden", names=", ".join(hidden))] if hidden else []
     if found.kept is None:

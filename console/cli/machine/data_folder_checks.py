@@ -26,19 +26,19 @@ def data_folder_checks(data: Path) -> list[Check]:
         return [_check("data_folder_missing", Severity.NOTICE, where)]
     if not state.usable:
         return [_check("data_folder_unusable", Severity.REFUSAL, where, found=state.rights)]
-    return _wrong(state, where) or [
+    return _check_folder_state(state, where) or [
         _check(
             "data_folder_shared" if state.shared else "data_folder_private",
             Severity.OK,
             where,
             found=state.rights,
             wanted=state.group,
-            free=state.free,
+            free=state.free_space,
         )
     ]
 
 
-def _wrong(state: FolderState, where: str) -> list[Check]:
+def _check_folder_state(state: FolderState, where: str) -> list[Check]:
     found, mode, checks = state.rights, state.mode, []
     if mode & stat.S_IWOTH:
         checks.append(_check("data_folder_open", Severity.REFUSAL, where, found=found))
@@ -54,7 +54,7 @@ def _wrong(state: FolderState, where: str) -> list[Check]:
         count = str(len(state.closed))
         checks.append(_check(code, Severity.WARNING, where, found=first, wanted=state.group, number=count))
     if state.free_bytes < LITTLE_BYTES:
-        checks.append(_check("data_folder_full", Severity.WARNING, where, found=state.free))
+        checks.append(_check("data_folder_full", Severity.WARNING, where, found=state.free_space))
     return checks
 
 

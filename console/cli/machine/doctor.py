@@ -23,8 +23,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.machine import doctor_checks
     from console.cli.machine.card_access import card_fields, card_line, opened_card
     from console.cli.machine.data_folder_checks import data_folder_checks
-    from console.cli.output import agreed, show
-    from console.session.tuning.explained import explained_checks
+    from console.cli.output import confirm_motion, show
+    from console.session.tuning.trial_checks import explained_checks
     from console.text.checks import check_fields, check_lines, summary_line
     from drivers.commissioning.verification import in_order, verify
     from profiles.findings import Severity, worst
@@ -34,7 +34,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         verification = verify(card.client, card.machine, card.client.dialect)
         read = verification.judged.configuration
         trial = explained_checks(data_of(options), card.machine, card.address, read, simulated=card.simulated)
-        moves = options.prove and not unsigned and agreed(options, card.machine.name, card.simulated, text)
+        moves = options.prove and not unsigned and confirm_motion(options, card.machine.name, card.simulated, text)
         if moves:
             if not card.simulated:
                 # The answer may have taken time.

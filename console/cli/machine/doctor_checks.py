@@ -7,15 +7,15 @@ from datetime import date, timedelta
 from importlib.metadata import entry_points, version
 from platform import python_version
 
-from console.cli.machine.card_access import Card, owned_lathe
-from console.cli.machine.stopping import Stopping
+from console.cli.machine.card_access import ConnectedController, owned_lathe
+from console.cli.machine.stopping import StopMonitor
 from console.session.data.stop_records import load, store, withdraw
 from console.session.signals import Interruption
-from console.session.station.reaching import guard
+from console.session.station.machine_connection import guard
 from console.text.catalogue import Catalogue
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.proofs.bench import names_of, unproven
-from drivers.commissioning.proofs.proving import Proven, prove
+from drivers.commissioning.proofs.bench import list_missing_tests, names_of
+from drivers.commissioning.proofs.proving import TestOutcome, prove
 from drivers.commissioning.stop_record import VALID_DAYS, StopRecord, StopsNow, record_problems, stop_key
 from drivers.commissioning.verification import Verification
 from drivers.lathe.ownership import Ownership
@@ -39,7 +39,7 @@ WAL_FROM, WAL_RESET_FIXED = (3, 7, 0), ((3, 51, 3), (3, 50, 7), (3, 44, 6))
 """Versions of SQLite: with a write-ahead log, and without the race in it; the later ones are of older branches."""
 
 
-def signature_checks(card: Card) -> list[Check]:
+def signature_checks(card: ConnectedController) -> list[Check]:
     """Return a failure where the profile of a simulated lathe meets a real link; otherwise nothing."""
     return [
         Check(
@@ -90,14 +90,14 @@ def loses_wal_reset(found: tuple[int, ...]) -> bool:
     return WAL_FROM <= found < fixed
 
 
-def proven_checks(card: Card, verification: Verification, text: Catalogue) -> tuple[Check, ...]:
+def proven_checks(card: ConnectedController, verification: Verification, text: Catalogue) -> tuple[Check, ...]:
     """Run the commissioning tests with control of the machine; every ending signal becomes a stop."""
     interruption, ownership = Interruption(), Ownership(card.client)
     lathe, owning = owned_lathe(card, ownership)
     guard(interruption, lathe, None)
     interruption.install()
     # Stops are measured here, so nothing may repeat them; only the end of the process is enforced.
-    with Stopping(interruption, text).watching(card.stop, ends_only=True):
+    with StopMonitor(interruption, text).watching(card.stop, ends_only=True):
         try:
             owning.claim()
             proven = prove(card.client, card.stop, card.clock, verification, ownership.number, ownership.see)
@@ -107,7 +107,7 @@ def proven_checks(card: Card, verification: Verification, text: Catalogue) -> tu
     return proven.checks
 
 
-def stop_checks(card: Card, today: date) -> list[Check]:
+def stop_checks(card: ConnectedController, today: date) -> list[Check]:
     """Check that the stopping-performance record allows arming; a simulated machine measures its own then."""
     if card.simulated:
         return []
@@ -118,26 +118,26 @@ def stop_checks(card: Card, today: date) -> list[Check]:
     return checks
 
 
-def kept_proofs(card: Card, stops: list[Check]) -> list[Check]:
+def kept_proofs(card: ConnectedController, stops: list[Check]) -> list[Check]:
     """Return what is known of the commissioning tests without moving: those that passed with the valid record."""
     record = load(card.data, card.machine) if any(check.code == "stop_record" for check in stops) else None
     names = names_of(card.machine)
     if record is None or not record.tests:
-        return unproven(names)
+        return list_missing_tests(names)
     facts = {"count": str(len(record.tests)), "address": record.address}
     found = record.measured_at.isoformat()
     kept = Check(group=Group.PROOFS, code="proofs_kept", severity=Severity.OK, found=found, facts=facts)
-    return [kept, *unproven(name for name in names if name not in record.tests)]
+    return [kept, *list_missing_tests(name for name in names if name not in record.tests)]
 
 
-def _record_checks(card: Card, today: date) -> list[Check]:
+def _record_checks(card: ConnectedController, today: date) -> list[Check]:
     try:
         record = load(card.data, card.machine)
     except ProfileError as error:
-        return [_warned(problem) for problem in error.problems]
-    problems = record_problems(record, _now(card, today))
+        return [_warning_check(problem) for problem in error.problems]
+    problems = record_problems(record, _present_stops(card, today))
     if record is None or problems:
-        return [_warned(problem) for problem in problems]
+        return [_warning_check(problem) for problem in problems]
     until = record.measured_at + timedelta(days=VALID_DAYS)
     return [
         Check(
@@ -151,7 +151,7 @@ def _record_checks(card: Card, today: date) -> list[Check]:
     ]
 
 
-def keep_stops(card: Card, proven: Proven, today: date) -> None:
+def keep_stops(card: ConnectedController, proven: TestOutcome, today: date) -> None:
     """Store the measured stopping performance; a stop out of specification removes the record."""
     if card.simulated:
         return
@@ -159,7 +159,7 @@ def keep_stops(card: Card, proven: Proven, today: date) -> None:
     if failed or card.stop.way is StopWay.LOST:
         withdraw(card.data, card.machine)
         return
-    now = _now(card, today)
+    now = _present_stops(card, today)
     record = StopRecord(
         machine=card.machine.name,
         kind=card.kind,
@@ -179,12 +179,12 @@ def keep_stops(card: Card, proven: Proven, today: date) -> None:
         store(card.data, card.machine, record)
 
 
-def _now(card: Card, today: date) -> StopsNow:
+def _present_stops(card: ConnectedController, today: date) -> StopsNow:
     key = stop_key(card.client, card.machine, card.client.dialect)
     return StopsNow(machine=card.machine, key=key, today=today, stop_way=card.stop.way, address=card.address)
 
 
-def _warned(problem: Problem) -> Check:
+def _warning_check(problem: Problem) -> Check:
     """Return a warning: such a machine may be moved, or its stops could not be tested; it cannot be armed."""
     area, _, name = problem.code.partition(".")
     return Check(

@@ -13,7 +13,7 @@ from console.cli.output import print_json
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 from drivers.errors import LinkError
-from drivers.simulator.hosts.control_address import REFUSED, ControlAddress, connected, unreachable
+from drivers.simulator.hosts.control_address import REFUSED, ControlAddress, connect_control, unreachable
 from profiles.problem import Problem
 
 TIMEOUT_S = 5.0
@@ -45,7 +45,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 def _answer(address: ControlAddress, line: str) -> list[str]:
     """Return the lines of the reply, the verdict last."""
     try:
-        with closing(connected(address, TIMEOUT_S)) as link:
+        with closing(connect_control(address, TIMEOUT_S)) as link:
             link.sendall(line.encode("utf-8") + b"\n")
             link.shutdown(socket.SHUT_WR)
             reply = b"".join(iter(lambda: link.recv(CHUNK), b""))

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from console.cli.library import data_of, machine_of
 from console.cli.machine.identify_run import reached_machine, with_origin
-from console.cli.output import agreed, show, tell
+from console.cli.output import confirm_motion, show, tell
 from console.session.data.health import kept_tests, store
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
 from console.session.signals import Interruption
-from console.session.station.reaching import guard
+from console.session.station.machine_connection import guard
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from drivers.identification.health import (
@@ -27,7 +27,7 @@ from drivers.identification.health import (
     refuse_health,
 )
 from drivers.identification.identify import take_up
-from drivers.identification.result import Origin
+from drivers.identification.result import ResponseOrigin
 from drivers.link.tracing import Tracing
 from profiles.files import printable
 
@@ -47,10 +47,10 @@ def check_and_keep(options: Namespace, interruption: Interruption, text: Catalog
             if not simulated:
                 rig.lathe.connect()
                 # Nothing is sent and no control is taken before consent: the answer may take time.
-                if not agreed(options, loaded.machine.name, False, text):
+                if not confirm_motion(options, loaded.machine.name, False, text):
                     return 1
 
-            def work(origin: Origin) -> HealthResult:
+            def work(origin: ResponseOrigin) -> HealthResult:
                 take_up(rig)
                 return check_health(rig, request, origin, utc_now())
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 
-from console.cli.arguments import HARDWARE, LINK, WRONG_USAGE, add_shared, listed, number, whole_number
+from console.cli.arguments import HARDWARE, LINK, WRONG_USAGE, add_shared, list_parser, number, whole_number
 from console.cli.parser import Parser
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
@@ -20,7 +20,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     path_help = text("help.identify.strategy", default=DEFAULT_STRATEGY, strategies=paths)
     parser.add_argument("--strategy", choices=names, default=DEFAULT_STRATEGY.value, help=path_help)
     frequencies_help = text("help.identify.frequencies")
-    parser.add_argument("--frequencies", metavar="HZ,HZ", type=listed(number), help=frequencies_help)
+    parser.add_argument("--frequencies", metavar="HZ,HZ", type=list_parser(number), help=frequencies_help)
     parser.add_argument("--amplitude", metavar="UM", type=number, help=text("help.identify.amplitude"))
     parser.add_argument("--periods", metavar="N", type=whole_number, help=text("help.identify.periods"))
     parser.add_argument("--yes", action="store_true", help=text("help.identify.yes"))

@@ -16,24 +16,24 @@ from pathlib import Path
 from typing import TypeVar
 
 from console.cli.library import data_of, machine_of, true_parameters_of
-from console.cli.machine.stopping import Stopping
-from console.cli.output import agreed, show, tell
+from console.cli.machine.stopping import StopMonitor
+from console.cli.output import confirm_motion, show, tell
 from console.session.cut.trip_cause import filter_suspected
-from console.session.data.identified import store
+from console.session.data.identified_responses import store
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
 from console.session.signals import Interruption
-from console.session.station.owning import Owning
-from console.session.station.reaching import guard, leave, reach
-from console.session.station.whereabouts import address_of
+from console.session.station.machine_address import address_of
+from console.session.station.machine_connection import guard, leave, reach
+from console.session.station.machine_control import MachineControl
 from console.session.tuning.trial import TrialPlace, standing_trial
 from console.text.catalogue import Catalogue
-from console.text.columns import broken, pad_left
+from console.text.columns import pad_left, wrap_text
 from drivers.cutting.strategy import Strategy
 from drivers.identification.identify import identify, origin_of, refuse_before, take_up
 from drivers.identification.nominal import nominal_response, phase_difference_deg
 from drivers.identification.request import IdentificationRequest, request_problems
-from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, ResponseOrigin
 from drivers.identification.rig import Rig
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
@@ -114,7 +114,7 @@ class Teller:
     interruption: Interruption
     rows: int = 0
 
-    def begin(self, origin: Origin) -> None:
+    def begin(self, origin: ResponseOrigin) -> None:
         """Print what is about to be measured."""
         text, request = self.text, self.request
         mark = f"{text('sim')}  " if origin.simulated else ""
@@ -146,7 +146,7 @@ class Teller:
         if doubtful_hz:
             listed = ", ".join(f"{hz:g}" for hz in doubtful_hz)
             sentences.append(text("identify.doubtful", frequencies=listed, limit=f"{LEAST_COHERENCE:g}"))
-        lines = [line for sentence in sentences for line in broken(sentence, WIDTH)]
+        lines = [line for sentence in sentences for line in wrap_text(sentence, WIDTH)]
         return ["", *lines, text("identify.kept", file=printable(str(file)))]
 
     def _print(self, *lines: str) -> None:
@@ -177,9 +177,9 @@ def identify_and_keep(options: Namespace, interruption: Interruption, text: Cata
             if not simulated:
                 rig.lathe.connect()
                 # Nothing is sent and no control is taken before consent: the answer may take time.
-                if not agreed(options, machine.name, False, text):
+                if not confirm_motion(options, machine.name, False, text):
                     return 1
-            identified = _identified(rig, owning, simulated, data_of(options), request, teller)
+            identified = _identify_axis(rig, owning, simulated, data_of(options), request, teller)
     finally:
         tell(tracing.problems, text)
     file = store(data_of(options), identified)
@@ -200,15 +200,15 @@ def _request(options: Namespace, machine: MachineProfile) -> IdentificationReque
 @contextmanager
 def reached_machine(
     options: Namespace, loaded: LoadedMachine, interruption: Interruption, tracing: Tracing, text: Catalogue
-) -> Iterator[tuple[Rig, Owning, bool]]:
+) -> Iterator[tuple[Rig, MachineControl, bool]]:
     """Connect to the machine, and yield whether it is simulated; print on stderr how one at an address stops."""
     if options.sim:
         rig = _in_memory(options, loaded.machine, interruption, tracing)
-        yield rig, Owning(rig.lathe, "", data_of(options)), True
+        yield rig, MachineControl(rig.lathe, "", data_of(options)), True
         return
     address = address_of(loaded.machine, options.link, simulated=False)
-    stopping = Stopping(interruption, text)
-    reached = reach(loaded, address, data_of(options), tracing, stopping.seen)
+    stopping = StopMonitor(interruption, text)
+    reached = reach(loaded, address, data_of(options), tracing, stopping.note_reply)
     try:
         with stopping.watching(reached.stop):
             rig = Rig(client=reached.client, lathe=reached.lathe, clock=reached.clock)
@@ -220,19 +220,19 @@ def reached_machine(
 def _in_memory(options: Namespace, machine: MachineProfile, interruption: Interruption, tracing: Tracing) -> Rig:
     """Return a simulated machine that runs as fast as it can be calculated."""
     simulated = SimulatedLathe(machine, true_parameters_of(options, machine))
-    link = tracing.of(MemoryLink(simulated.connect(), simulated), simulated.now_s)
+    link = tracing.trace_link(MemoryLink(simulated.connect(), simulated), simulated.now_s)
     stop, client = StopPath(link), PmacClient(link, simulated)
     interruption.guard(stop)
     lathe = Lathe(client, machine, simulated, stop, heartbeat=Heartbeat(client, simulated, machine))
     return Rig(client=client, lathe=lathe, clock=simulated)
 
 
-def _identified(
-    rig: Rig, owning: Owning, simulated: bool, data: Path, request: IdentificationRequest, teller: Teller
+def _identify_axis(
+    rig: Rig, owning: MachineControl, simulated: bool, data: Path, request: IdentificationRequest, teller: Teller
 ) -> IdentifiedResponse:
     """Enable the drives, identify, disable them, whatever ends it."""
 
-    def work(origin: Origin) -> IdentifiedResponse:
+    def work(origin: ResponseOrigin) -> IdentifiedResponse:
         teller.begin(origin)
         take_up(rig)
         return identify(rig, request, origin, utc_now(), teller.tell)
@@ -242,11 +242,11 @@ def _identified(
 
 def with_origin(
     rig: Rig,
-    owning: Owning,
+    owning: MachineControl,
     simulated: bool,
     data: Path,
     refuse: Callable[[], None],
-    work: Callable[[Origin], Result],
+    work: Callable[[ResponseOrigin], Result],
 ) -> Result:
     """Take control, refuse what must not be, and work; the machine is left at rest, drives off, released.
 

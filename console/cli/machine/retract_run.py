@@ -8,13 +8,13 @@ from pathlib import Path
 
 from console.cli.library import SIM_LINK, machine_of
 from console.cli.machine.identify_run import reached_machine
-from console.cli.output import agreed, show, tell
+from console.cli.output import confirm_motion, show, tell
 from console.session.cut.alignment import NO_HOME_FOR_TABLE, Alignment, held_by, tables_told
 from console.session.cut.retracting import clear_tables, retract_and_switch_tables_off, retracted_by_distance
 from console.session.errors import SessionError, refuse, require
 from console.session.signals import Interruption
 from console.session.station.jogging import clears_tables
-from console.session.station.reaching import guard, leave
+from console.session.station.machine_connection import guard, leave
 from console.text.catalogue import Catalogue
 from drivers.identification.rig import Rig
 from drivers.lathe.lathe import Lathe
@@ -39,15 +39,15 @@ def retract(options: Namespace, interruption: Interruption, text: Catalogue) -> 
             if lost := bool(lathe.snapshot().lost):
                 print(text("retract.lost"), file=sys.stderr)
             # Nothing is sent and no control is taken before consent: the answer may take time.
-            if not agreed(options, loaded.machine.name, simulated, text):
+            if not confirm_motion(options, loaded.machine.name, simulated, text):
                 return 1
             owning.claim()
             try:
                 clears = options.clear_tables or _only_switched_on(lathe)
                 if clears:
-                    cleared = _cleared(rig, lost=lost)
+                    cleared = _clear_tables(rig, lost=lost)
                 else:
-                    switched, last = _retracted(lathe, lost=lost)
+                    switched, last = _retract_axes(lathe, lost=lost)
             finally:
                 leave(lathe, owning)
     finally:
@@ -65,7 +65,10 @@ def _show_places(
 ) -> None:
     """Print where the axes stand after a retract, and whether a table was on."""
     lengths = Lengths(machine)
-    places = {axis: lengths.at(axis, last.axis(axis).position) for axis in (AxisName.TOOL, AxisName.CARRIAGE)}
+    places = {
+        axis: lengths.format_position(axis, last.axis(axis).position)
+        for axis in (AxisName.TOOL, AxisName.CARRIAGE)
+    }
     show(
         options,
         lambda: {"ended_by_controller": lost, "tables_switched_off": switched, "at": dict(places)},
@@ -85,7 +88,7 @@ def _only_switched_on(lathe: Lathe) -> bool:
     return clears_tables(lathe.snapshot(), Alignment(tables=tables)) and not held_by(tables)
 
 
-def _retracted(lathe: Lathe, *, lost: bool) -> tuple[bool, Snapshot]:
+def _retract_axes(lathe: Lathe, *, lost: bool) -> tuple[bool, Snapshot]:
     """Enable the drives where the axes stand and retract; return whether a table was on, and where all stand now.
 
     Whoever agreed has read that the controller has `lost` its host: that acknowledges it.
@@ -104,7 +107,7 @@ def _retracted(lathe: Lathe, *, lost: bool) -> tuple[bool, Snapshot]:
     return switched, lathe.snapshot()
 
 
-def _cleared(rig: Rig, *, lost: bool) -> bool:
+def _clear_tables(rig: Rig, *, lost: bool) -> bool:
     """Disable the drives and clear what tables add to the tool, where no home is known; whether there was any."""
     lathe = rig.lathe
     before = lathe.snapshot()

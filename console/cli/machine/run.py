@@ -17,8 +17,8 @@ from console.cli.arguments import (
     add_shared,
     add_strategy,
     compensation,
+    number_parser_within,
     whole_number,
-    within,
 )
 from console.cli.parser import Parser
 from console.session.signals import Interruption
@@ -36,7 +36,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     add_shared(parser, text, *PLANT)
     add_lathe_part(parser, text)
     parser.add_argument("--identified", metavar="FILE|newest", help=text("help.identified"))
-    parts = within(whole_number, 1, MOST_PARTS, "usage.parts", MOST_PARTS)
+    parts = number_parser_within(whole_number, 1, MOST_PARTS, "usage.parts", MOST_PARTS)
     parser.add_argument("--learn", metavar="PARTS", type=parts, help=text("help.run.learn"))
     parser.add_argument("--stage", choices=STAGES, default="full", help=text("help.stage"))
     version_help = text("help.compensation")
@@ -63,12 +63,12 @@ def main(options: Namespace, text: Catalogue) -> int:
     # Numerics take longer to load than the whole command line; signals are already handled.
     from console.cli.library import data_of
     from console.cli.machine.run_cut import agreed_to, cut_requested
-    from console.cli.machine.run_request import requested
+    from console.cli.machine.run_request import plan_request
     from console.cli.output import tell
     from console.session.data.records import killed_runs
     from profiles.files import remove_all_left
 
-    request = requested(options)
+    request = plan_request(options)
     remove_all_left(data_of(options))
     killed = killed_runs(data_of(options), request.machine.machine.name, simulated=request.simulated)
     warnings = tell((*killed, *request.warnings), text)

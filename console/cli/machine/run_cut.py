@@ -14,11 +14,11 @@ from pathlib import Path
 from console.cli.judgement import force_line, span_fields
 from console.cli.library import data_of
 from console.cli.machine.run_request import RunRequest
-from console.cli.machine.stopping import Stopping
+from console.cli.machine.stopping import StopMonitor
 from console.cli.measured.roundness_report import roundness_fields
-from console.cli.output import agreed, fields_of, harmonics_of, show
+from console.cli.output import confirm_motion, fields_of, harmonics_of, show
 from console.cli.output import tell as tell_problems
-from console.session.cut.engine import CutContext, NotAsPlannedError, Step
+from console.session.cut.engine import CutContext, NotAsPlannedError, PartStep
 from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import CutRecorder, LogRecorder, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
@@ -40,7 +40,14 @@ from console.session.signals import Interruption
 from console.session.stages import Stage
 from console.session.station.actions import stopped_by
 from console.session.station.alarms import collision_problems
-from console.session.station.reaching import Reached, commissioning, guard, leave, machine_context, reach
+from console.session.station.machine_connection import (
+    ConnectedMachine,
+    commissioning,
+    guard,
+    leave,
+    machine_context,
+    reach,
+)
 from console.session.tuning.stated_filter import stated_filter_problems
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -57,7 +64,7 @@ from drivers.clock import boot_s
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.tracing import Tracing
 from drivers.simulator.plant.which_lathe import LATHE
-from profiles.compensations.certificate import Standing
+from profiles.compensations.certificate import OrderStatus
 from profiles.compensations.path import PathHarmonic
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
@@ -77,7 +84,7 @@ def agreed_to(options: Namespace, request: RunRequest, text: Catalogue) -> bool:
         force=f"{job.chucking_force_n:.0f}",
     )
     print(f"{rests_on}\n{force_line(job, machine, text)}", file=sys.stderr)
-    return agreed(options, machine.name, request.simulated, text)
+    return confirm_motion(options, machine.name, request.simulated, text)
 
 
 def result_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
@@ -97,7 +104,7 @@ def result_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "compensation": plan.compensation,
         "inverted": plan.inverted or "model",
         **({FINGERPRINT: plan.fingerprint} if plan.fingerprint else {}),
-        "expected": None if plan.expected is None else harmonics_of(plan.expected),
+        "expected": None if plan.expected_residual is None else harmonics_of(plan.expected_residual),
         "clamping": span_fields(plan.job, plan.machine),
         "spindle_rpm": figures.spindle_speed_rpm,
         "lobe_frequency_hz": result.lobe_frequency_hz,
@@ -130,10 +137,10 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
             "wanted": _harmonic_fields(path.target.harmonics),
             "command_mean_um": path.command.mean_um,
             "command": _harmonic_fields(path.command.harmonics),
-            "trim": _harmonic_fields([PathHarmonic.of(path.target.lobes, part.trim_um)]),
+            "trim": _harmonic_fields([PathHarmonic.from_coefficient(path.target.lobes, part.trim_um)]),
             "tool_mean_error_um": part.tool_off.mean_um,
             "tool_error": _harmonic_fields(
-                PathHarmonic.of(n, um) for n, um in sorted(part.tool_off.coefficients_um.items())
+                PathHarmonic.from_coefficient(n, um) for n, um in sorted(part.tool_off.coefficients_um.items())
             ),
             "part_gain": part.part_gain,
             "learned_waves": list(part.learned),
@@ -156,7 +163,11 @@ def result_lines(result: RunResult, text: Catalogue) -> list[str]:
         closing = "run.cut_air" if result.plan.stage is Stage.AIR else "run.measure_it"
         return [*_run_lines(result, text), text("run.simulated" if result.simulated else closing)]
     last = result.parts[-1]
-    certificate = [*certificate_lines(last.certificate, text), *_left_lobe(result, text), *_own(result, text)]
+    certificate = [
+        *certificate_lines(last.certificate, text),
+        *_left_lobe(result, text),
+        *_describe_blank_orders(result, text),
+    ]
     return [*_run_lines(result, text), "", *_series(result, text), "", *certificate, text("run.simulated")]
 
 
@@ -171,14 +182,14 @@ def _left_lobe(result: LearnResult, text: Catalogue) -> list[str]:
     return [text("learn.left", n=result.plan.job.jaws, part=len(result.parts), force=force, **words)]
 
 
-def _own(result: LearnResult, text: Catalogue) -> list[str]:
+def _describe_blank_orders(result: LearnResult, text: Catalogue) -> list[str]:
     """Return which orders of the last part are mostly of its own blank, or of what else varies."""
     number, short = len(result.parts), result.parts[-1].trim_short
     lines = []
-    for each in result.own:
+    for each in result.own_orders:
         heights = {"left": each.on_part_um, "tool": each.tool_off_um, "rest": each.left_um}
         words = {name: f"{2.0 * (um or 0.0):.2f}" for name, um in heights.items()}
-        key = "learn.varies" if each.standing is Standing.VARIES else "learn.of_blank"
+        key = "learn.varies" if each.standing is OrderStatus.VARIES else "learn.of_blank"
         limit = text("learn.trim_limit", most=f"{2.0 * TRIM_LIMIT_UM:g}") if each.order in short else ""
         lines.append(text(key, n=each.order, part=number, **words) + limit)
     return lines
@@ -204,8 +215,8 @@ def _run_lines(result: RunResult, text: Catalogue) -> list[str]:
     ]
     if result.improvement_percent is not None:
         facts.insert(0, (text("run.improvement"), f"{result.improvement_percent:.1f} %"))
-    if plan.expected is not None:
-        right, wrong = f"{plan.expected.right_um_pp:.1f}", f"{plan.expected.wrong_um_pp:.1f}"
+    if plan.expected_residual is not None:
+        right, wrong = f"{plan.expected_residual.right_um_pp:.1f}", f"{plan.expected_residual.wrong_um_pp:.1f}"
         facts.append((text("run.expected"), text("run.expected_lobe", right=right, wrong=wrong)))
     facts.append((text("run.cut_verdict"), verdict_words(figures.verdict.event(), text)))
     if result.within_tolerance is not None:
@@ -281,13 +292,13 @@ def cut_requested(
     )
     tell_cut_with(options, request, text)
     kept = LogRecorder(record.log, partial(_keep_part, record, request))
-    recorder = FollowedRun(_followed(request, record), kept, RunAlarms(record.log.event))
-    feed = FeedServer(data, recorder.observed)
+    recorder = FollowedRun(_feed_run(request, record), kept, RunAlarms(record.log.event))
+    feed = FeedServer(data, recorder.observe_state)
     feed.launch()
     tell = _followed_by(recorder, _teller(options, text, interruption, record, simulated=request.simulated))
     try:
-        work = partial(_cut, request, data, interruption, tracing, recorder, record.log.dates, tell, text)
-        result = _recorded(record, warnings, request, work)
+        work = partial(_cut_job, request, data, interruption, tracing, recorder, record.log.dates, tell, text)
+        result = _record_run(record, warnings, request, work)
     finally:
         feed.close()
         missing = () if record.log.problem is None else (record.log.problem,)
@@ -309,7 +320,7 @@ def _fields(request: RunRequest, result: RunResult, warnings: list[str]) -> dict
     return {**result_fields(result, warnings), **lathe}
 
 
-def _followed(request: RunRequest, record: RunRecord) -> Run:
+def _feed_run(request: RunRequest, record: RunRecord) -> Run:
     return Run(
         job=request.job.job.name,
         machine=request.machine.machine,
@@ -322,8 +333,8 @@ def _followed(request: RunRequest, record: RunRecord) -> Run:
 def _followed_by(recorder: FollowedRun, tell: TellPart) -> TellPart:
     """Return the same callback, of whose steps the state feed learns first."""
 
-    def followed(part: str, step: Step, detail: str) -> None:
-        recorder.told(step)
+    def followed(part: str, step: PartStep, detail: str) -> None:
+        recorder.take_step(step)
         tell(part, step, detail)
 
     return followed
@@ -335,7 +346,7 @@ def _teller(
     """Return the callback for each step: a line for people, an event for the record."""
     sim = f"{text('sim')}  " if simulated else ""
 
-    def tell(part: str, step: Step, detail: str) -> None:
+    def tell(part: str, step: PartStep, detail: str) -> None:
         record.add("step", {"part": part, "step": step.value, "detail": detail})
         if options.json:
             return
@@ -376,11 +387,11 @@ def _save_part(request: RunRequest, result: RunResult) -> None:
     """Write the trace of the part if requested, with header lines that state how it was cut."""
     if request.part_file is None or result.trace is None:
         return
-    made = _made(request)
+    made = _describe_plan(request)
     write_trace(request.part_file, replace(result.trace, meta={**result.trace.meta, **made}))
 
 
-def _made(request: RunRequest) -> dict[str, str]:
+def _describe_plan(request: RunRequest) -> dict[str, str]:
     """Return how the part was cut, as header lines of its trace."""
     plan = request.plan
     made = MadeWith(
@@ -408,7 +419,7 @@ def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
             "jaw_1_deg": plan.job.jaw_1_deg,
             "zero_radius_mm": machine.machine.tool.home_radius_mm,
             "aligned": False,
-            "calibrations": machine.used,
+            "calibrations": machine.calibration_dates,
             "inverted": plan.inverted or MODEL,
             **({FINGERPRINT: plan.fingerprint} if plan.fingerprint else {}),
             **lathe_setup(request.which, request.lathe_parts),
@@ -423,7 +434,7 @@ def _keep_part(
 ) -> None:
     """Add a measured part to the record; SessionError `record.lost`."""
     result = roundness_of(trace)
-    stage, made = request.plan.stage, _made(request)
+    stage, made = request.plan.stage, _describe_plan(request)
     kept = part_record(job, result, trace, stage, part=part, product=product, proven=proven, made=made)
     record.add("part", {"part": part, "ront_um": result.ront_um}, kept)
 
@@ -442,7 +453,7 @@ def learn_hint(options: Namespace, request: RunRequest, text: Catalogue) -> list
     return [text("run.learn_from_it", command=shlex.join(words))]
 
 
-def _recorded(
+def _record_run(
     record: RunRecord, warnings: list[str], request: RunRequest, work: Callable[[], RunResult]
 ) -> RunResult:
     """Run, and record the course however it ends.
@@ -450,7 +461,7 @@ def _recorded(
     With the plan it records the dates of the calibrations with which the job was judged.
     """
     try:
-        duration_s, used = request.plan.cut.duration_s, request.machine.used
+        duration_s, used = request.plan.cut.duration_s, request.machine.calibration_dates
         record.add("planned", {"warnings": warnings, "duration_s": duration_s, "calibrations": used})
         result = work()
         record.add("result", _fields(request, result, warnings))
@@ -480,7 +491,7 @@ def add_end(record: RunRecord, error: BaseException) -> None:
     record.add("ended", said)
 
 
-def _cut(
+def _cut_job(
     request: RunRequest,
     data: Path,
     interruption: Interruption,
@@ -507,11 +518,11 @@ def _cut(
         if request.parts is None:
             return run(request.plan, open_machine, tell)
         return learn(request.plan, open_machine, tell, request.parts, fingerprint=request.felt)
-    stopping = Stopping(interruption, text)
+    stopping = StopMonitor(interruption, text)
 
     def seen(snapshot: Snapshot) -> None:
-        stopping.seen(snapshot)
-        recorder.seen(snapshot)
+        stopping.note_reply(snapshot)
+        recorder.take_poll(snapshot)
 
     reached = reach(request.machine, request.address, data, tracing, seen)
     recorder.stop, recorder.alarms.heartbeat = reached.stop, reached.heartbeat
@@ -524,7 +535,7 @@ def _cut(
 
 
 def _cut_there(
-    request: RunRequest, reached: Reached, data: Path, recorder: CutRecorder, tell: TellPart
+    request: RunRequest, reached: ConnectedMachine, data: Path, recorder: CutRecorder, tell: TellPart
 ) -> RunResult:
     try:
         commissioned = commissioning(reached, request.machine, data)

@@ -11,31 +11,37 @@ from console.cli.library import data_of, job_of, known_lathe, lathe_parts_of, ma
 from console.cli.measured.fingerprint_source import requested_fingerprint
 from console.session.cut.run import RunPlan, plan_run
 from console.session.cut.simulated_parts import LatheParts
-from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
-from console.session.data.identified import asked_response
+from console.session.data.calibrated_chuck import CalibratedMachine, apply_calibrations
+from console.session.data.identified_responses import asked_response
 from console.session.data.learned_store import (
     NONE,
-    accepted,
     asked_for,
-    chosen,
+    choose_version,
     date_problems,
+    find_newest_version,
     lathe_problems,
     versions,
 )
 from console.session.data.measured_part import newest_part
 from console.session.errors import SessionError
-from console.session.learning.fingerprint import Fingerprint
+from console.session.learning.fingerprint import FingerprintedCut
 from console.session.learning.learning import COMPARED, refuse_unlearnable
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage, nominal_path
-from console.session.station.whereabouts import address_of
+from console.session.station.machine_address import address_of
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import cut_condition
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.which_lathe import IDEAL, WhichLathe
 from profiles.axis.response import ServoResponse
-from profiles.compensations.learned import OTHER_SETTINGS, HoldsFor, LearnedCompensation, differences, history_of
+from profiles.compensations.learned_compensation import (
+    OTHER_SETTINGS,
+    HoldsFor,
+    LearnedCompensation,
+    differences,
+    history_of,
+)
 from profiles.compensations.path import CutPath
 from profiles.files import printable
 from profiles.job import Job
@@ -64,7 +70,7 @@ class RunRequest:
     parts: int | None
     part_file: Path | None
     warnings: tuple[Problem, ...]
-    fingerprint: Fingerprint | None = None
+    fingerprint: FingerprintedCut | None = None
     felt: bool = False
     lathe_parts: LatheParts | None = None
 
@@ -76,15 +82,15 @@ class RunRequest:
         return WhichLathe(plant=IDEAL, seed=0, alike=True) if self.true is None else self.true.lathe
 
 
-def requested(options: Namespace) -> RunRequest:
+def plan_request(options: Namespace) -> RunRequest:
     """Load and plan what the command line requests; nothing is opened."""
-    job, loaded = job_of(options), calibrated(machine_of(options), data_of(options))
+    job, loaded = job_of(options), apply_calibrations(machine_of(options), data_of(options))
     machine = loaded.machine
     address, true, lathe = _place(options, machine)
     simulated = address is None or isinstance(address, SimulatedAddress)
     asked = asked_for(job, loaded, options.strategy, simulated=simulated, lathe=lathe)
     known = () if options.compensation == NONE else versions(data_of(options), asked)
-    learned = chosen(options.compensation, known, asked)
+    learned = choose_version(options.compensation, known, asked)
     path, inverted = _path(options, job.job, machine, learned, simulated=simulated)
     lathe_parts = _lathe_parts(options, job.job, machine, true) if address is None else None
     true = true if true is None or lathe_parts is None else replace(true, parts_before=lathe_parts.part - 1)
@@ -145,17 +151,19 @@ def _of_versions(
     return (
         *date_problems(learned),
         *lathe_problems(learned, asked),
-        *_unused(options, job, machine, asked),
-        *_contradicted(options, job, machine, simulated=asked.simulated),
+        *_find_unused_version(options, job, machine, asked),
+        *_find_contradicted_stage(options, job, machine, simulated=asked.simulated),
     )
 
 
-def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, asked: HoldsFor) -> tuple[Problem, ...]:
+def _find_unused_version(
+    options: Namespace, job: LoadedJob, machine: LoadedMachine, asked: HoldsFor
+) -> tuple[Problem, ...]:
     """Return the notice that a learned version is not used; a learning series begins from the job."""
     if options.compensation != NONE or options.learn is not None or not Strategy(options.strategy).traits.inverts:
         return ()
     try:
-        newest = accepted(job, machine, data_of(options), simulated=asked.simulated)
+        newest = find_newest_version(job, machine, data_of(options), simulated=asked.simulated)
     except ProblemError as error:
         return tuple(error.problems)  # a cut without learned versions does not need them
     if newest is None or newest.is_model:
@@ -166,7 +174,7 @@ def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, asked: H
     return (Problem(code="learned.not_used", key=str(newest.version), value=strategy),)
 
 
-def _contradicted(
+def _find_contradicted_stage(
     options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simulated: bool
 ) -> tuple[Problem, ...]:
     """Return the warning of a full stage that the force of the last part, a half-stage one, contradicts."""
@@ -232,7 +240,7 @@ def _fingerprint(
     true: TrueParameters | None,
     *,
     simulated: bool,
-) -> Fingerprint | None:
+) -> FingerprintedCut | None:
     """Return the fingerprint that a single cut was asked for with, None if it was not."""
     if options.fingerprint is None or options.learn is not None:
         return None

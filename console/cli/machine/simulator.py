@@ -15,7 +15,7 @@ from console.cli.arguments import (
     control_address,
     host_port,
     number_or_nan,
-    within,
+    number_parser_within,
 )
 from console.cli.library import profile_of
 from console.cli.output import SCHEMA
@@ -42,7 +42,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--dialect", choices=DIALECTS, help=text("help.dialect"))
     add_shared(parser, text, *PLANT)
     parser.add_argument("--saved", metavar="FILE", help=text("help.saved"))
-    speed = within(number_or_nan, SLOWEST, FASTEST, "usage.speed", f"{SLOWEST:g} - {FASTEST:g}")
+    speed = number_parser_within(number_or_nan, SLOWEST, FASTEST, "usage.speed", f"{SLOWEST:g} - {FASTEST:g}")
     parser.add_argument("--speed", metavar="X", type=speed, default=1.0, help=text("help.speed"))
 
 

@@ -30,7 +30,7 @@ END_WITHIN_S = 8.5
 """Time from a signal to the end of the process, whatever blocks it: a supervisor kills it after ten seconds."""
 
 
-class Stopping:
+class StopMonitor:
     """Monitor one stop path. All its times are real, in seconds of `time.monotonic`."""
 
     def __init__(
@@ -50,7 +50,7 @@ class Stopping:
         self._first = self._count = 0
         self._reported_s = 0.0
 
-    def seen(self, _: Snapshot) -> None:
+    def note_reply(self, _: Snapshot) -> None:
         """Note a reply of the controller; called from the thread that operates the machine."""
         self._seen_s = self._now_s()
 
@@ -82,7 +82,7 @@ class Stopping:
             if self._began_s is None:
                 self._began_s = self._reported_s = self._sent_s = now_s
                 self._first, self._count = stop.count - 1, stop.count
-                self._say(self._text("stopping.begun", stop=self._named(stop)))
+                self._say(self._text("stopping.begun", stop=self._name_stop(stop)))
             self._repeat(stop, now_s)
             due_s = TELL_S if self._reported_s - self._began_s < OFTEN_S else LATER_S
             if now_s - self._reported_s >= due_s - 0.5 * TICK_S:
@@ -101,7 +101,7 @@ class Stopping:
         self._sent_s, self._count = now_s, stop.count
 
     def _tell(self, stop: StopPath, since_s: float, silent_s: float) -> None:
-        facts = {"seconds": int(since_s), "count": stop.count - self._first, "stop": self._named(stop)}
+        facts = {"seconds": int(since_s), "count": stop.count - self._first, "stop": self._name_stop(stop)}
         if not stop.delivered:
             line = self._text("stopping.untaken", **facts)
         elif silent_s > SILENT_S:
@@ -118,7 +118,7 @@ class Stopping:
         self._say(self._text(key, reason=self._interruption.reason, seconds=int(seconds)))
         self._give_up(1)
 
-    def _named(self, stop: StopPath) -> str:
+    def _name_stop(self, stop: StopPath) -> str:
         return self._text("stopping.kill" if stop.killed else "stopping.abort")
 
 

@@ -7,16 +7,16 @@ from collections.abc import Mapping
 from dataclasses import asdict
 
 from console.cli.library import data_of, refuse_unsigned
-from console.cli.machine.card_access import Card, card_fields, card_line, with_control
+from console.cli.machine.card_access import ConnectedController, card_fields, card_line, with_control
 from console.cli.output import show
 from console.session.errors import SessionError
 from console.session.tuning.known_loop import known_loop
 from console.session.tuning.proposal import LOBE_HZ, GainFacts, gain_facts, with_figures
-from console.session.tuning.standing import StandingTrial, differing_words, listed
+from console.session.tuning.standing_trial import StandingTrial, differing_words, format_gains
 from console.session.tuning.stated_filter import stated_filter_problems
 from console.session.tuning.trial import TrialPlace, air_doubts, apply_trial, revert_trial, standing_trial
 from console.text.catalogue import Catalogue
-from drivers.commissioning.judged import differing_settings
+from drivers.commissioning.checked_configuration import differing_settings
 from drivers.identification.tool_gains import ToolLoop
 from profiles.axis.loop_design import GainProposal, scaled_gains
 from profiles.axis.margins import LoopMargins, loop_margins
@@ -26,7 +26,7 @@ from profiles.problem import Problem
 LEAST_FACTOR, MOST_FACTOR = 0.4, 3.0
 
 
-def _show(options: Namespace, card: Card, text: Catalogue) -> int:
+def _show(options: Namespace, card: ConnectedController, text: Catalogue) -> int:
     place = _place(options, card)
     trial, last = standing_trial(place, settle=False), list[str]()
     if trial is not None and trial.whole:
@@ -38,35 +38,41 @@ def _show(options: Namespace, card: Card, text: Catalogue) -> int:
         last = [text.problem(problem) for problem in found]
     read = place.gains.loop("")
     differing = differing_settings(card.machine, read.gains)
-    return _told(options, card, text, _proposal(options, place, read), trial, last, differing)
+    return _print_result(options, card, text, _proposal(options, place, read), trial, last, differing)
 
 
-def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
+def _apply(options: Namespace, card: ConnectedController, text: Catalogue) -> int:
     place = _place(options, card)
     facts = _proposal(options, place, place.gains.loop(""))
     found = facts.proposal
     if found is None:
         raise SessionError(*facts.reasons)
     if not options.yes:
-        return _told(options, card, text, facts, standing_trial(place, settle=False), [text("tune.dry_run")])
+        return _print_result(
+            options, card, text, facts, standing_trial(place, settle=False), [text("tune.dry_run")]
+        )
     settings = {name: float(value) for name, value in found.settings.items()}
     with_control(card, lambda: apply_trial(place, settings, found.present))
     trial = standing_trial(place, settle=True)
-    return _told(options, card, text, None, trial, [text("tune.applied", gains=listed(tuple(settings.items())))])
+    return _print_result(
+        options, card, text, None, trial, [text("tune.applied", gains=format_gains(tuple(settings.items())))]
+    )
 
 
-def _revert(options: Namespace, card: Card, text: Catalogue) -> int:
+def _revert(options: Namespace, card: ConnectedController, text: Catalogue) -> int:
     place = _place(options, card)
     trial = standing_trial(place, settle=False)
     if trial is None:
         raise SessionError(Problem(code="trial.none", key=card.machine.name))
     if not options.yes:
-        return _told(options, card, text, None, trial, [text("tune.dry_run")])
+        return _print_result(options, card, text, None, trial, [text("tune.dry_run")])
     with_control(card, lambda: revert_trial(place))
-    return _told(options, card, text, None, None, [text("tune.reverted", gains=listed(trial.before))])
+    return _print_result(
+        options, card, text, None, None, [text("tune.reverted", gains=format_gains(trial.before))]
+    )
 
 
-def _place(options: Namespace, card: Card) -> TrialPlace:
+def _place(options: Namespace, card: ConnectedController) -> TrialPlace:
     if getattr(options, "yes", False) and not card.simulated:
         refuse_unsigned(card.machine)
     firmware = card.version, card.kind
@@ -86,16 +92,16 @@ def _proposal(options: Namespace, place: TrialPlace, read: ToolLoop) -> GainFact
     if not LEAST_FACTOR <= factor <= MOST_FACTOR:
         limit = f"{LEAST_FACTOR:g}..{MOST_FACTOR:g}"
         raise SessionError(Problem(code="trial.range", key="--factor", value=f"{factor:g}", limit=limit))
-    here = read.on(place.machine)
+    here = read.apply_to(place.machine)
     known = known_loop(here, place.data, place.firmware, simulated=place.simulated)
     found = scaled_gains(here, known.loop, factor, loop_margins(known.loop))
     reasons = () if found is not None else (Problem(code="screen.tune_no_proposal"),)
     return with_figures(place.machine, GainFacts(proposal=found, known=known, reasons=reasons), lobe_hz)
 
 
-def _told(
+def _print_result(
     options: Namespace,
-    card: Card,
+    card: ConnectedController,
     text: Catalogue,
     facts: GainFacts | None,
     trial: StandingTrial | None,

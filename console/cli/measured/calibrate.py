@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 
-from console.cli.arguments import add_shared, listed, number, whole_number
+from console.cli.arguments import add_shared, list_parser, number, whole_number
 from console.cli.commands import add_actions
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
@@ -28,7 +28,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     lobe.add_argument("file", metavar="TRACE", help=text("help.calibrate.trace"))
     lobe.add_argument("--job", metavar="JOB", required=True, help=text("help.job"))
     add_shared(lobe, text, "machine")
-    lobe.add_argument("--extra", metavar="N,N", type=listed(whole_number), help=text("help.calibrate.extra"))
+    lobe.add_argument("--extra", metavar="N,N", type=list_parser(whole_number), help=text("help.calibrate.extra"))
     lobe.add_argument("--robust", action="store_true", help=text("help.calibrate.robust"))
     lobe.add_argument("--keep", action="store_true", help=text("help.calibrate.lobe.keep"))
     add_shared(lobe, text, "sim", command="calibrate.lobe")

@@ -12,8 +12,8 @@ from console.session.data.calibrated_chuck import large_step
 from console.session.data.calibrations import Calibration, date_problems, newest
 from console.session.learning.chuck_calibrating import (
     chuck_calibration,
+    fit_chuck_table,
     fit_warnings,
-    fitted,
     keep_chuck,
     profile_values,
 )
@@ -21,7 +21,7 @@ from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.deflection import DeflectionFit
 from profiles.calibration.table import CalibrationKind, MeasuredTable, read_table
-from profiles.calibration.wrench import Band, WrenchFit
+from profiles.calibration.wrench import ConfidenceInterval, WrenchFit
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 
@@ -37,9 +37,9 @@ def calibrate_chuck(options: Namespace, text: Catalogue) -> int:
     )
     measured = read_table(Path(options.file), options.kind and CalibrationKind(options.kind))
     with naming(where):
-        fit = fitted(measured, loaded.machine, affine=options.affine)
+        fit = fit_chuck_table(measured, loaded.machine, affine=options.affine)
         rows = _rows(fit, measured, text)
-        asked = _asked(fit, options)
+        asked = _convert_requested_values(fit, options)
         found = profile_values(fit)
     before = newest(data, loaded.machine.name, measured.kind, loaded.machine.chuck.name)
     calibration = chuck_calibration(loaded, measured, fit, options.file)
@@ -61,14 +61,14 @@ def calibrate_chuck(options: Namespace, text: Catalogue) -> int:
 
 def _end(found: dict[str, float], before: Calibration | None, kept: str | None, text: Catalogue) -> list[str]:
     """Return what the profile would have, beside what the previous calibration found, and where it was kept."""
-    lines = ["", text("calibrate.profile", lines=_spelled(found))]
+    lines = ["", text("calibrate.profile", lines=_format_values(found))]
     if before is not None:
-        previous = _spelled(before.found.get("profile", {}))
+        previous = _format_values(before.found.get("profile", {}))
         lines = ["", text("calibrate.before", date=before.date, lines=previous), *lines]
     return [*lines, text("calibrate.kept", file=kept) if kept else text("calibrate.not_kept")]
 
 
-def _asked(fit: WrenchFit | DeflectionFit, options: Namespace) -> dict[str, Band]:
+def _convert_requested_values(fit: WrenchFit | DeflectionFit, options: Namespace) -> dict[str, ConfidenceInterval]:
     """Return the force for a torque, and the torque for a force, requested on the command line."""
     torque_n_m, force_n = options.torque, options.force
     if not isinstance(fit, WrenchFit):
@@ -79,7 +79,7 @@ def _asked(fit: WrenchFit | DeflectionFit, options: Namespace) -> dict[str, Band
     return asked | ({} if force_n is None else {f"force {force_n:g}": fit.torque_n_m(force_n)})
 
 
-def _asked_rows(asked: dict[str, Band], text: Catalogue) -> Rows:
+def _asked_rows(asked: dict[str, ConfidenceInterval], text: Catalogue) -> Rows:
     rows: Rows = []
     for key, band in asked.items():
         kind, _, value = key.partition(" ")
@@ -115,5 +115,5 @@ def _softest(fit: DeflectionFit, measured: MeasuredTable, text: Catalogue) -> Ro
     return [(name, f"{seen.pp_um:.3f}", f"± {seen.pp_ci_um:.3f} um p-p, {mean}")]
 
 
-def _spelled(lines: dict[str, float]) -> str:
+def _format_values(lines: dict[str, float]) -> str:
     return ", ".join(f"{key} = {value:.4g}" for key, value in lines.items()) or "-"

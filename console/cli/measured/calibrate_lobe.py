@@ -7,7 +7,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from console.cli.judgement import lobe_place_line
-from console.cli.library import SIM_OPTION, data_of, job_of, machine_of, named, naming
+from console.cli.library import SIM_OPTION, data_of, job_of, machine_of, name_file_in_problems, naming
 from console.cli.output import show, tell
 from console.session.learning.calibrating import keep_lobe, lobe_record, lobe_step
 from console.text.catalogue import Catalogue
@@ -27,10 +27,12 @@ def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
         trace = parse_trace(content, where=where)
         extra = options.extra or ()
         found = find_lobe(trace, loaded.job, extra=extra, robust=options.robust, practice=options.sim)
-    reasons = named(found.reasons, where)
+    reasons = name_file_in_problems(found.reasons, where)
     step = None if options.keep else lobe_step(loaded.job, found)
     doubts = () if step is None else (step.problem(where=where),)
-    warnings = tell((*named(found.warnings, where), *doubts, *(() if options.keep else reasons)), text)
+    warnings = tell(
+        (*name_file_in_problems(found.warnings, where), *doubts, *(() if options.keep else reasons)), text
+    )
     written = kept = None
     if options.keep and not reasons:
         sha256 = hashlib.sha256(content).hexdigest()

@@ -10,7 +10,7 @@ from dataclasses import replace
 from console.cli.output import fields_of, show
 from console.session.reproduction.numbers import NUMBERS
 from console.text.catalogue import Catalogue
-from console.text.columns import broken, table
+from console.text.columns import table, wrap_text
 from profiles.paper.record import Basis, Experiments, Figure, Record, Relation, Section, lee_2001
 from profiles.paper.reproduction import sections
 
@@ -31,8 +31,8 @@ def reproduce(options: Namespace, text: Catalogue, draw: Draw | None) -> int:
     """Print the comparison, with figures where `draw` is given; 1 where an acceptance number is missed."""
     paper = lee_2001()
     on_the_lathe = [] if options.quick else _on_the_lathe(paper, options, text)
-    found = [_with(section, on_the_lathe) for section in sections(paper)]
-    held = _held(found, NUMBERS if options.quick else ())
+    found = [_extend_section(section, on_the_lathe) for section in sections(paper)]
+    held = _check_acceptance_numbers(found, NUMBERS if options.quick else ())
     show(
         options,
         lambda: {"sections": [_section_fields(each, text) for each in found], "acceptance": held},
@@ -51,7 +51,7 @@ def _on_the_lathe(paper: Experiments, options: Namespace, text: Catalogue) -> li
     return records
 
 
-def _with(section: Section, further: Sequence[Record]) -> Section:
+def _extend_section(section: Section, further: Sequence[Record]) -> Section:
     """Return the acceptance section including the numbers from the lathe; other sections unchanged."""
     if section.name != ACCEPTANCE:
         return section
@@ -59,7 +59,7 @@ def _with(section: Section, further: Sequence[Record]) -> Section:
     return replace(section, records=tuple(records))
 
 
-def _held(found: Sequence[Section], incomplete: Collection[int]) -> dict[int, bool]:
+def _check_acceptance_numbers(found: Sequence[Section], incomplete: Collection[int]) -> dict[int, bool]:
     records = [record for section in found for record in section.records]
     numbers = sorted({record.number for record in records} - {0, *incomplete})
     return {n: all(each.holds is not False for each in records if each.number == n) for n in numbers}
@@ -103,7 +103,7 @@ def _lines(found: Sequence[Section], held: dict[int, bool], text: Catalogue, dra
             for figure in section.figures:
                 lines += ["", title(figure, text), *draw(figure)]
     missing = [str(number) for number in range(1, 13) if number not in held]
-    lines += ["", counted(found, text), text("reproduce.marks")]
+    lines += ["", count_agreements(found, text), text("reproduce.marks")]
     lines += [text("reproduce.held", held=sum(held.values()), all=len(held))]
     return [*lines, text("reproduce.left_out", numbers=", ".join(missing))] if missing else lines
 
@@ -121,7 +121,7 @@ def rows(records: Sequence[Record], text: Catalogue) -> list[Row]:
     for record in records:
         unit, off = f" {record.unit}" if record.unit else "", record.difference
         expected = "–" if record.expected is None else f"{_SIGNS[record.relation]}{record.expected:.4g}{unit}"
-        difference = "" if off is None else _off(off, record.tolerance)
+        difference = "" if off is None else _format_difference(off, record.tolerance)
         found.append((_name(record, text), expected, f"{record.ours:z.4g}{unit}", difference, _mark(record)))
     return found
 
@@ -136,7 +136,7 @@ def reason_lines(records: Sequence[Record], text: Catalogue) -> list[str]:
 def _reasons(section: Section, text: Catalogue) -> list[str]:
     lines = []
     for reason in reason_lines(section.records, text):
-        first, *further = broken(reason, _REASON_COLUMNS)
+        first, *further = wrap_text(reason, _REASON_COLUMNS)
         lines += [f"  · {first}", *(f"    {line}" for line in further)]
     return lines
 
@@ -170,7 +170,7 @@ def _mark(record: Record) -> str:
     return BY_CONSTRUCTION if record.holds and record.basis is Basis.CONSTRUCTION else mark
 
 
-def counted(sections: Sequence[Section], text: Catalogue) -> str:
+def count_agreements(sections: Sequence[Section], text: Catalogue) -> str:
     """Return how many comparisons with the paper agree; inconclusive ones are counted apart."""
     judged = [r for s in sections if s.name != ACCEPTANCE for r in s.records if r.holds is not None]
     own = [record.holds for record in judged if record.basis is Basis.COMPUTED]
@@ -185,6 +185,6 @@ def counted(sections: Sequence[Section], text: Catalogue) -> str:
     )
 
 
-def _off(difference: float, tolerance: float) -> str:
+def _format_difference(difference: float, tolerance: float) -> str:
     shown = "0" if abs(difference) <= 0.01 * max(tolerance, _EXACT) else f"{difference:+.3g}"
     return f"{shown} (± {tolerance:.2g})" if tolerance > _EXACT else shown

@@ -50,7 +50,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 def _take(options: Namespace, text: Catalogue) -> None:
     """Write what the indicator of the simulated lathe shows of the clamping that the same options cut on."""
     from console.cli.library import SIM_OPTION, job_of, lathe_parts_of, machine_of, true_parameters_of
-    from console.cli.measured.fingerprint_source import indicated
+    from console.cli.measured.fingerprint_source import simulate_clamp_readings
     from console.cli.output import show
     from profiles.files import printable, write_atomically
     from profiles.fingerprint.readings import readings_text
@@ -60,7 +60,7 @@ def _take(options: Namespace, text: Catalogue) -> None:
     parts = lathe_parts_of(options, job.job.name, machine.name, true)
     if true is not None and parts is not None:
         true = replace(true, parts_before=parts.part - 1)
-    readings = indicated(job.job, machine, true)
+    readings = simulate_clamp_readings(job.job, machine, true)
     write_atomically(Path(options.out), readings_text(readings).encode("ascii"), overwrite=False)
     words = ["console", "run", options.job, "--sim"]
     if true is not None:  # a seed that was not given was drawn
@@ -80,11 +80,14 @@ def _judge(options: Namespace, text: Catalogue) -> None:
     from console.cli.library import SIM_OPTION, data_of, job_of, machine_of
     from console.cli.measured.fingerprint_source import requested_fingerprint
     from console.cli.output import show, tell
-    from console.session.data.calibrated_chuck import calibrated
+    from console.session.data.calibrated_chuck import apply_calibrations
     from console.text.part_sentences import deflection_lines, fingerprint_fields, fingerprint_line
     from drivers.cutting.strategy import Strategy
 
-    job, machine = job_of(options).job, calibrated(machine_of(options, SIM_OPTION), data_of(options)).machine
+    job, machine = (
+        job_of(options).job,
+        apply_calibrations(machine_of(options, SIM_OPTION), data_of(options)).machine,
+    )
     strategy = Strategy(options.strategy)
     found = requested_fingerprint(options.file, job, machine, strategy, in_process=False, simulated=True)
     warnings = tell(found.clamped.warnings, text)

@@ -9,7 +9,7 @@ from console.cli.arguments import INDICATOR
 from console.cli.library import naming
 from console.session.cut.in_process import simulated_context
 from console.session.errors import SessionError
-from console.session.learning.fingerprint import Fingerprint, fingerprinted, refuse_unusable
+from console.session.learning.fingerprint import FingerprintedCut, fingerprint_cut, refuse_unusable
 from console.session.stages import Stage
 from drivers.cutting.strategy import Strategy
 from drivers.simulator.plant.true_parameters import TrueParameters
@@ -31,25 +31,25 @@ def requested_fingerprint(
     stage: Stage = Stage.FULL,
     true: TrueParameters | None = None,
     **cut: Any,
-) -> Fingerprint:
+) -> FingerprintedCut:
     """Return the fingerprint in the file `source`, or of the indicator of the simulated lathe, for a cut.
 
-    `true` is the simulated lathe, None one as its profile says; `cut` as for `fingerprinted`.
+    `true` is the simulated lathe, None one as its profile says; `cut` as for `fingerprint_cut`.
     Raises `ProblemError`: what speaks against the file, its readings or the cut.
     """
     refuse_unusable(strategy, stage, None, simulated=simulated)
     if source != INDICATOR:
         readings, where = read_readings(Path(source)), printable(source)
     elif in_process:
-        readings, where = indicated(job, machine, true), ""
+        readings, where = simulate_clamp_readings(job, machine, true), ""
     else:
         raise SessionError(Problem(code="clamping.no_indicator", key="--fingerprint", value=INDICATOR))
     refuse_unusable(strategy, stage, readings, simulated=simulated)
     with naming(where):
-        return fingerprinted(readings, job, job, machine, strategy, **cut)
+        return fingerprint_cut(readings, job, job, machine, strategy, **cut)
 
 
-def indicated(job: Job, machine: MachineProfile, true: TrueParameters | None) -> ClampReadings:
+def simulate_clamp_readings(job: Job, machine: MachineProfile, true: TrueParameters | None) -> ClampReadings:
     """Return what an indicator shows on a simulated lathe of the clamping of its next part."""
     _, lathe = simulated_context(machine, true)
     lathe.mount(job)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from console.cli.library import data_of, named, naming
+from console.cli.library import data_of, name_file_in_problems, naming
 from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import CalibratedMachine
 from console.session.data.kept_files import is_ahead, utc_now
@@ -19,7 +19,7 @@ from console.session.data.learned_store import asked_for, elsewhere_problems, st
 from console.session.data.measured_part import KEYS
 from console.session.data.run_reader import run_of_trace
 from console.session.errors import SessionError
-from console.session.learning.learning_steps import SIMULATED, LearningOutcome, learn_from_trace, reverted
+from console.session.learning.learning_steps import SIMULATED, LearningOutcome, learn_from_trace, revert_version
 from console.session.learning.part_learning import record_accepted
 from console.session.learning.provenance import taken_before
 from console.session.stages import Stage
@@ -27,7 +27,13 @@ from console.text.catalogue import Catalogue
 from console.text.columns import table
 from console.text.part_sentences import cause_words, certificate_fields, certificate_lines
 from drivers.simulator.plant.which_lathe import options_of
-from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table, changed_settings, differences
+from profiles.compensations.learned_compensation import (
+    HoldsFor,
+    LearnedCompensation,
+    as_table,
+    changed_settings,
+    differences,
+)
 from profiles.compensations.next_version import Contraction, LearningStep
 from profiles.files import printable
 from profiles.forecast import LEAST_FORECAST_UM, forecast_um, is_below_forecast
@@ -60,13 +66,13 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
             extra=options.extra or (),
         )
     if taken := taken_before(data, hashlib.sha256(content).hexdigest(), None, found.made):
-        raise SessionError(*named(taken, where))
+        raise SessionError(*name_file_in_problems(taken, where))
     following, reasons = found.step.next, found.step.reasons
     refused = bool(reasons) and (options.keep or not found.step.placed)
     warnings = tell((*machine.warnings, *found.warnings, *(() if refused else reasons)), text)
     kept = store(data, following) if options.keep and not reasons else None
     if kept is not None:
-        warnings += tell(_recorded(data, content, following), text)
+        warnings += tell(_record_learning_step(data, content, following), text)
     asked = options.keep or bool(reasons)
     show(
         options,
@@ -80,7 +86,7 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
         raise SessionError(*reasons)
 
 
-def _recorded(data: Path, content: bytes, kept: LearnedCompensation) -> tuple[Problem, ...]:
+def _record_learning_step(data: Path, content: bytes, kept: LearnedCompensation) -> tuple[Problem, ...]:
     """Add an accepted learning step to the recorded run whose part has this trace; return why it could not be."""
     try:
         run_id = run_of_trace(data, hashlib.sha256(content).hexdigest())
@@ -116,7 +122,7 @@ def list_or_revert(options: Namespace, job: LoadedJob, machine: CalibratedMachin
         return
     if other:
         raise SessionError(*other)
-    back = reverted(options.revert, job, machine, data, simulated=options.sim, date=utc_now())
+    back = revert_version(options.revert, job, machine, data, simulated=options.sim, date=utc_now())
     kept = store(data, back) if options.keep else None
     head = text("learned.reverts", version=back.version, older=back.reverts, strategy=back.holds_for.strategy)
     show(

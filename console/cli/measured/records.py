@@ -9,7 +9,7 @@ from collections.abc import Callable
 from datetime import datetime, timedelta
 from importlib import import_module
 
-from console.cli.arguments import WRONG_USAGE, whole_number, within
+from console.cli.arguments import WRONG_USAGE, number_parser_within, whole_number
 from console.cli.commands import add_actions
 from console.cli.parser import Parser
 from console.rings import is_installed
@@ -39,7 +39,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     for action in actions.values() if is_installed(SHOP) else ():
         action.add_argument("--shop", metavar="DSN", help=text("help.records.shop"))
         action.add_argument("--lathe", metavar="NAME", help=text("help.records.lathe"))
-    limit = within(whole_number, 1, MOST_SHOWN, "usage.records_limit", MOST_SHOWN)
+    limit = number_parser_within(whole_number, 1, MOST_SHOWN, "usage.records_limit", MOST_SHOWN)
     shown = text("help.records.limit", default=SHOWN)
     actions["list"].add_argument("--limit", metavar="N", type=limit, default=SHOWN, help=shown)
     exported = text("help.records.export_limit")

@@ -14,10 +14,10 @@ from console.cli.library import data_of
 from console.cli.measured.records_report import filters_of, row_fields, story_fields
 from console.cli.output import SCHEMA, show, tell
 from console.escaping import csv_table
-from console.session.data.kept_files import make_folder, there
+from console.session.data.kept_files import make_folder, path_exists
 from console.session.data.run_reader import RunFilters, runs, story
 from console.session.data.run_rows import RunRow
-from console.session.data.run_story import RunStory, Telemetry
+from console.session.data.run_story import RecordedTelemetry, RunStory
 from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
 from profiles.files import printable, write_atomically
@@ -33,10 +33,10 @@ def export(options: Namespace, text: Catalogue) -> None:
     data, folder = data_of(options), Path(options.folder)
     make_folder(folder)
     for name in (TABLE, LINES):
-        if there(folder / name):
+        if path_exists(folder / name):
             raise SessionError(Problem(code="file.exists", where=printable(str(folder / name))))
     rows, lines, files, damaged = list[dict[str, object]](), list[str](), 0, list[Problem]()
-    for row in islice(_selected(data, filters_of(options)), options.limit):
+    for row in islice(_select_runs(data, filters_of(options)), options.limit):
         found = story(data, row.run_id)
         rows.append(row_fields(row))
         lines.append(json.dumps({"schema": SCHEMA, **story_fields(found)}, ensure_ascii=False))
@@ -57,7 +57,7 @@ def export(options: Namespace, text: Catalogue) -> None:
     )
 
 
-def _selected(data: Path, filters: RunFilters) -> Iterator[RunRow]:
+def _select_runs(data: Path, filters: RunFilters) -> Iterator[RunRow]:
     """Yield the runs page by page, newest first."""
     page = runs(data, filters, limit=PAGE)
     while page:
@@ -67,11 +67,11 @@ def _selected(data: Path, filters: RunFilters) -> Iterator[RunRow]:
 
 def _table(rows: Sequence[Mapping[str, object]]) -> str:
     """Return the rows of the list as CSV, with a header; dates are UTC."""
-    flat = [_flat(row) for row in rows]
+    flat = [_flatten_row(row) for row in rows]
     return csv_table(flat[0], (each.values() for each in flat)) if flat else ""
 
 
-def _flat(row: Mapping[str, object]) -> dict[str, object]:
+def _flatten_row(row: Mapping[str, object]) -> dict[str, object]:
     ended = row["ended"]
     assert isinstance(ended, dict)
     others = {key: value for key, value in row.items() if key != "ended"}
@@ -96,7 +96,7 @@ def _write_telemetry(folder: Path, found: RunStory) -> int:
     return len(found.telemetry)
 
 
-def _telemetry_table(row: RunRow, telemetry: Telemetry) -> str:
+def _telemetry_table(row: RunRow, telemetry: RecordedTelemetry) -> str:
     head = [
         f"# run: {printable(row.run_id)}",
         f"# simulated: {'yes' if row.simulated else 'no'}",

@@ -13,9 +13,9 @@ from console.session.data.measured_part import RecordedPart
 from console.session.data.run_facts import origin_facts, setup_facts
 from console.session.data.run_reader import RunFilters, runs, story
 from console.session.data.run_rows import MODEL, RunRow
-from console.session.data.run_story import POLLED, RunEvent, RunStory, Telemetry
+from console.session.data.run_story import POLLED, RecordedTelemetry, RunEvent, RunStory
 from console.text.catalogue import Catalogue
-from console.text.columns import broken, table
+from console.text.columns import table, wrap_text
 from console.text.part_sentences import verdict_words
 from console.text.recorded_words import (
     Layout,
@@ -27,7 +27,7 @@ from console.text.recorded_words import (
     strategy_words,
     timed_words,
 )
-from profiles.axis.response import Source
+from profiles.axis.response import ResponseSource
 from profiles.files import printable
 
 ID_DIGITS = 8
@@ -54,12 +54,12 @@ def list_runs(options: Namespace, text: Catalogue) -> None:
     shown, more = found[:limit], len(found) > limit
     show(
         options,
-        lambda: {"runs": [_listed(row, options.lathes) for row in shown], "more": more},
+        lambda: {"runs": [_run_fields(row, options.lathes) for row in shown], "more": more},
         lambda: _list_lines(shown, more, options.lathes, text),
     )
 
 
-def _listed(row: RunRow, lathes: Mapping[str, str]) -> dict[str, object]:
+def _run_fields(row: RunRow, lathes: Mapping[str, str]) -> dict[str, object]:
     return {**row_fields(row), **({"lathe": lathes[row.run_id]} if row.run_id in lathes else {})}
 
 
@@ -85,7 +85,7 @@ def row_lines(row: RunRow, text: Catalogue, lathe: str = "") -> list[str]:
         facts.insert(2, text("records.of_lathe", name=lathe))
     if row.damaged:
         facts.append(text("records.damaged_row"))
-    below = broken(" · ".join(filter(None, facts)), WIDTH - INDENT)
+    below = wrap_text(" · ".join(filter(None, facts)), WIDTH - INDENT)
     return [head, *(" " * INDENT + line for line in below)]
 
 
@@ -102,7 +102,7 @@ def _result(row: RunRow, text: Catalogue) -> str:
 
 def _compensation(row: RunRow, text: Catalogue) -> str:
     if row.compensation is None or row.compensation == MODEL:
-        kind = text(f"response.{Source.IDENTIFIED}")
+        kind = text(f"response.{ResponseSource.IDENTIFIED}")
         return "" if row.inverted is None else f"{kind} {printable(row.inverted, 60)}"
     return text("records.version", version=row.compensation)
 
@@ -137,7 +137,7 @@ def debrief_run(options: Namespace, text: Catalogue) -> None:
     debrief = run_debrief(found, data)
     sections = debrief_sections(debrief, text)
     facts = table(fact_rows(setup_facts(found), text, Layout.COMMAND))
-    told = [line for title, rows in sections for line in ("", title, *_indented(rows))]
+    told = [line for title, rows in sections for line in ("", title, *_indent_lines(rows))]
     show(
         options,
         lambda: {
@@ -200,27 +200,27 @@ def _iso(date: datetime | None) -> str | None:
 def _story_lines(found: RunStory, text: Catalogue, lathe: str) -> list[str]:
     row = found.row
     judged, timed = verdict_words(found.cut_verdict, text), timed_words(found, text)
-    planned = _indented([f"{text('run.cut_verdict')}: {judged}"] if judged else [])
+    planned = _indent_lines([f"{text('run.cut_verdict')}: {judged}"] if judged else [])
     lines = [*row_lines(row, text, lathe), *planned, "", *table(_facts(found, text))]
     for name, told in (
         ("parts", [_part_line(part, text) for part in found.parts]),
         ("telemetry", _telemetry(found, text)),
         ("commands", map("  ".join, timed["commands"])),
         ("alarms", map("  ".join, timed["alarms"])),
-        ("learned", [_learned_line(each, text) for each in found.accepted]),
+        ("learned", [_learned_line(each, text) for each in found.accepted_steps]),
     ):
-        lines += ["", text(f"records.{name}"), *(_indented(told) or [_nothing(text)])]
+        lines += ["", text(f"records.{name}"), *(_indent_lines(told) or [_describe_missing_records(text)])]
     if found.damaged:
         lines += ["", text("records.damaged", what=", ".join(found.damaged))]
     return lines
 
 
-def _nothing(text: Catalogue) -> str:
+def _describe_missing_records(text: Catalogue) -> str:
     return " " * INDENT + text("records.nothing")
 
 
-def _indented(lines: Iterable[str]) -> list[str]:
-    return [" " * INDENT + part for line in lines for part in broken(line, WIDTH - INDENT)]
+def _indent_lines(lines: Iterable[str]) -> list[str]:
+    return [" " * INDENT + part for line in lines for part in wrap_text(line, WIDTH - INDENT)]
 
 
 def _facts(found: RunStory, text: Catalogue) -> list[tuple[str, str]]:
@@ -246,7 +246,7 @@ def _telemetry(found: RunStory, text: Catalogue) -> list[str]:
     return [*said, *([text("records.incomplete")] if found.complete is False else [])]
 
 
-def _samples(telemetry: Telemetry, strategy: str, text: Catalogue) -> str:
+def _samples(telemetry: RecordedTelemetry, strategy: str, text: Catalogue) -> str:
     seconds = f"{telemetry.column('time_s')[-1]:.1f}"
     part = part_words(telemetry.part, text) or strategy
     return text("records.samples", part=part, rows=len(telemetry.rows), seconds=seconds)

@@ -192,7 +192,7 @@ def v_block_fields(
     if read is None:
         limit = f"2 - {max((h.n for h in result.harmonics), default=0)}"
         raise ProfileError(Problem(code="value.out_of_range", key="--lobes", value=str(lobes), limit=limit))
-    passed = _passed(result, lobes)
+    passed = _transmission_excess(result, lobes)
     # With a factor below 0 the indicator reads a valley as a maximum.
     turned_deg = 180.0 / lobes if factor < 0.0 else 0.0
     return {
@@ -211,7 +211,7 @@ def v_block_fields(
     }
 
 
-def _passed(result: RoundnessResult, lobes: int) -> float:
+def _transmission_excess(result: RoundnessResult, lobes: int) -> float:
     if result.filter_upr is None:
         return 1.0
     above_upr = result.above_upr or 0.0

@@ -6,7 +6,7 @@ from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
 
-from console.cli.library import job_of, named, naming
+from console.cli.library import job_of, name_file_in_problems, naming
 from console.session.cut.recording import mean_diameter_of
 from console.session.learning.evaluated_part import EvaluatedPart, fold_turns
 from profiles.files import printable
@@ -26,11 +26,11 @@ def evaluate_trace_file(options: Namespace) -> EvaluatedPart:
     _refuse_method(header, options, where)
     with naming(where):
         turn, turns = fold_turns(trace, header)
-        result = _evaluated(turn, header, job, options)
+        result = _evaluate_trace(turn, header, job, options)
     plane = trace.centre_mm is not None
     doubts = unit_doubt(result.ront_um, trace.meta, plane=plane) if options.vblock is None else ()
     if doubts and job is not None:
-        raise ProfileError(*named(doubts, where))
+        raise ProfileError(*name_file_in_problems(doubts, where))
     of_result = (each for each in result.warnings if each.code != OFF_AXIS or options.vblock is None)
     warnings = (*warnings, *(doubts if plane else ()), *of_result)
     size_mm = mean_diameter_of(trace, result)
@@ -46,7 +46,7 @@ def evaluate_trace_file(options: Namespace) -> EvaluatedPart:
         turns=turns,
         job=job,
         jaw_1_deg=header.jaw_1_of(None if job is None else job.jaw_1_deg),
-        judged=replace(shown, warnings=named(warnings, where)),
+        judged=replace(shown, warnings=name_file_in_problems(warnings, where)),
     )
 
 
@@ -69,7 +69,7 @@ def _of_circle(result: RoundnessResult, kind: str) -> RoundnessResult:
     )
 
 
-def _evaluated(turn: Trace, header: TraceHeader, job: Job | None, options: Namespace) -> RoundnessResult:
+def _evaluate_trace(turn: Trace, header: TraceHeader, job: Job | None, options: Namespace) -> RoundnessResult:
     above_upr, filter_upr = options.band or (None, options.filter)
     radius_mm = header.radius_mm if job is None else header.radius_of(job)
     return evaluate(

@@ -10,14 +10,14 @@ from pathlib import Path
 from console.cli.output import fields_of
 from console.text.catalogue import Catalogue
 from console.text.checks import MARKS
-from console.text.columns import broken, table
+from console.text.columns import table, wrap_text
 from drivers.pmac.analysis.findings import ProgramFinding, Sentence, Value
 from drivers.pmac.analysis.moves import Fold, MotorMove, MoveAnalysis, fold
 from drivers.pmac.analysis.program import ProgramCheck
-from drivers.pmac.analysis.start import Source, Start
+from drivers.pmac.analysis.start import StartPositions, StartSource
 from drivers.pmac.analysis.timeline import NOTHING, SAME_COUNTS
 from drivers.pmac.analysis.units import unit_of
-from drivers.pmac.preprocessor import Place
+from drivers.pmac.preprocessor import LineNumber
 from profiles.files import printable
 from profiles.findings import Severity
 from profiles.machine import MachineProfile
@@ -57,7 +57,7 @@ def program_fields(
         "moves": [_move(machine, move, place) for move, place in zip(checked.moves, checked.places, strict=True)],
         "findings": finding_fields(checked.findings, text),
         "explanation": [
-            {"code": s.code.value, "values": dict(s.values), "text": _explained(s, text)}
+            {"code": s.code.value, "values": dict(s.values), "text": _format_explanation(s, text)}
             for s in checked.explanation
         ],
     }
@@ -118,8 +118,8 @@ def move_tables(machine: MachineProfile, checked: ProgramCheck, text: Catalogue)
     """
     folds = fold(checked.moves)
     still: list[Row] = [(_NOTHING,) * 4]
-    ways, more_ways = _capped(_rows(checked, folds, _changed_times, _way, still))
-    peaks, more_peaks = _capped(_rows(checked, folds, lambda _: (), lambda motor: _peak(machine, motor), []))
+    ways, more_ways = _limit_rows(_rows(checked, folds, _changed_times, _way, still))
+    peaks, more_peaks = _limit_rows(_rows(checked, folds, lambda _: (), lambda motor: _peak(machine, motor), []))
     lines = [
         *table([_titles(_WAYS, text), *ways], numeric=(0, 1, 2, 3, 4, 6, 7, 8)),
         *_left_out(more_ways, text),
@@ -138,7 +138,7 @@ def _left_out(rows: int, text: Catalogue) -> list[str]:
     return [text("check.left_out", count=rows)] if rows else []
 
 
-def _capped(moves: Iterator[list[Row]]) -> tuple[list[Row], int]:
+def _limit_rows(moves: Iterator[list[Row]]) -> tuple[list[Row], int]:
     """Return the rows of the first moves, each with all of its rows, and how many rows are left out."""
     shown: list[Row] = []
     left_out = 0
@@ -216,8 +216,8 @@ def program_lines(
         machine=machine.name,
         duration=checked.duration_ms / 1000.0,
     )
-    head = [*broken(facts, WIDTH), *broken(_start(checked.start, text), WIDTH), ""]
-    judged = _judged(checked, text)
+    head = [*wrap_text(facts, WIDTH), *wrap_text(_start(checked.start, text), WIDTH), ""]
+    judged = _describe_check(checked, text)
     if not checked.moves:
         return [*head, *judged]
     tables, whole = move_tables(machine, checked, text)
@@ -225,19 +225,19 @@ def program_lines(
     return [*head, *tables, "", *judged] if whole else [*head, *judged, "", *tables]
 
 
-def _start(start: Start, text: Catalogue) -> str:
-    if start.source is Source.HOME:
+def _start(start: StartPositions, text: Catalogue) -> str:
+    if start.source is StartSource.HOME:
         return text("check.start.home")
-    if start.source is Source.OPERATOR:
+    if start.source is StartSource.OPERATOR:
         return text("check.start.operator", place=str(start))
     return text("check.start.comment", place=str(start), line=start.line)
 
 
-def _judged(checked: ProgramCheck, text: Catalogue) -> list[str]:
+def _describe_check(checked: ProgramCheck, text: Catalogue) -> list[str]:
     lines = finding_lines(checked.findings, text) or [f"✓ {text('check.clean')}"]
     if checked.explanation:
-        explained = " ".join(_explained(sentence, text) for sentence in checked.explanation)
-        lines += ["", *broken(explained, WIDTH)]
+        explained = " ".join(_format_explanation(sentence, text) for sentence in checked.explanation)
+        lines += ["", *wrap_text(explained, WIDTH)]
     return lines
 
 
@@ -245,7 +245,7 @@ def finding_lines(findings: Iterable[ProgramFinding], text: Catalogue) -> list[s
     """Return findings as sentences, each with its mark; long ones continue below."""
     lines: list[str] = []
     for finding in findings:
-        first, *others = broken(finding_sentence(finding, text), WIDTH - 2)
+        first, *others = wrap_text(finding_sentence(finding, text), WIDTH - 2)
         lines += [f"{MARKS[finding.severity]} {first}", *(f"  {line}" for line in others)]
     return lines
 
@@ -267,7 +267,7 @@ def finding_fields(findings: Iterable[ProgramFinding], text: Catalogue) -> list[
 
 def finding_sentence(finding: ProgramFinding, text: Catalogue) -> str:
     """Return a finding as a sentence, with the lines of the program that it is about."""
-    sentence = text(f"check.finding.{finding.code}", **_shown(finding.values))
+    sentence = text(f"check.finding.{finding.code}", **_printable_values(finding.values))
     if not finding.lines:
         return sentence
     key = "check.line" if len(finding.lines) == 1 else "check.lines"
@@ -294,12 +294,12 @@ def _range(first: int, last: int, text: Catalogue) -> str:
 
 def _source(line: int) -> str:
     """Return where a line of an included file is, "" for one of the text itself."""
-    return line.source if isinstance(line, Place) else ""
+    return line.source if isinstance(line, LineNumber) else ""
 
 
-def _explained(sentence: Sentence, text: Catalogue) -> str:
-    return text(f"check.said.{sentence.code}", **_shown(sentence.values))
+def _format_explanation(sentence: Sentence, text: Catalogue) -> str:
+    return text(f"check.said.{sentence.code}", **_printable_values(sentence.values))
 
 
-def _shown(values: Mapping[str, Value]) -> dict[str, Value]:
+def _printable_values(values: Mapping[str, Value]) -> dict[str, Value]:
     return {name: PlainNumber(value) if isinstance(value, float) else value for name, value in values.items()}

@@ -10,9 +10,9 @@ from console.cli.arguments import add_shared
 from console.cli.library import data_of, judged_of
 from console.cli.output import fields_of, show
 from console.cli.parser import Parser
-from console.cli.part.listed import Listed, fields_of_entry, listed, sentences
+from console.cli.part.library_list import Listed, fields_of_entry, list_library, sentences
 from console.rings import is_installed
-from console.session.configuration import Origin
+from console.session.configuration import SettingOrigin
 from console.session.data.kept_files import jobs_folder
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -46,7 +46,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     if getattr(options, "action", None) is not None:
         import_module(STATUS).show_status(options, text)
         return 0
-    found = listed(list_jobs(jobs_folder(data_of(options))), load_job)
+    found = list_library(list_jobs(jobs_folder(data_of(options))), load_job)
     machine = judged_of(options).machine if _names_machine(options) else None
     show(
         options,
@@ -61,10 +61,10 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _names_machine(options: Namespace) -> bool:
     found = options.configuration.settings.get("machine")
-    return found is not None and found.origin is Origin.OPTION
+    return found is not None and found.origin is SettingOrigin.OPTION
 
 
-def _refused(loaded: LoadedJob, machine: MachineProfile | None) -> tuple[Problem, ...]:
+def _find_job_refusals(loaded: LoadedJob, machine: MachineProfile | None) -> tuple[Problem, ...]:
     """Return why a job cannot be cut on a machine, each with the name of its file."""
     found = () if machine is None else refusals(check(loaded.job, machine))
     return tuple(replace(each.problem, where=printable(str(loaded.path))) for each in found)
@@ -77,7 +77,7 @@ def _fields(each: Listed[LoadedJob], machine: MachineProfile | None, text: Catal
         return fields
     job = loaded.job
     if machine is not None:
-        fields["problems"] = [text.problem(problem) for problem in _refused(loaded, machine)]
+        fields["problems"] = [text.problem(problem) for problem in _find_job_refusals(loaded, machine)]
     return {
         **fields,
         "title": job.name,
@@ -100,7 +100,9 @@ def _lines(found: list[Listed[LoadedJob]], machine: MachineProfile | None, text:
     rows += [_row(each, text) for each in found]
     if machine is None:
         return [*table(rows), *sentences(found, text)]
-    refused = [_refused(loaded, machine) if isinstance(loaded, LoadedJob) else None for _, loaded in found]
+    refused = [
+        _find_job_refusals(loaded, machine) if isinstance(loaded, LoadedJob) else None for _, loaded in found
+    ]
     said = ["" if why is None else text("jobs.refused" if why else "jobs.fits") for why in refused]
     # In place of the source: a row is wide enough.
     rows = [(*row[:-1], cell) for row, cell in zip(rows, [text("jobs.fitting"), *said], strict=True)]

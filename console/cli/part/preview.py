@@ -23,7 +23,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.library import data_of, job_of, judged_of
     from console.cli.output import show, tell
     from console.cli.part.preview_report import preview_fields, preview_lines
-    from console.session.data.identified import asked_response
+    from console.session.data.identified_responses import asked_response
     from drivers.preview.preview import preview
     from profiles.findings import refusals
     from profiles.problem import ProblemError
@@ -37,7 +37,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     warnings = tell(judged.warnings, text)
     show(
         options,
-        lambda: {**preview_fields(seen, text), "calibrations": judged.used, "warnings": warnings},
+        lambda: {**preview_fields(seen, text), "calibrations": judged.calibration_dates, "warnings": warnings},
         lambda: preview_lines(seen, text),
     )
     plan = seen.strategies[strategy]

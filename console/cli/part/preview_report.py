@@ -36,7 +36,7 @@ def preview_fields(seen: Preview, text: Catalogue) -> dict[str, object]:
         "lobe_frequency_hz": seen.job.lobe_frequency_hz,
         "predicted_RONt_um": seen.job.lobe_error_um_pp,
         "lobe_error_source": _source(seen),
-        "predicted": _predicted(seen, text),
+        "predicted": _predict_roundness(seen, text),
         "response": _response(seen),
         "wanted_path": harmonics_of(seen.target),
         "command": harmonics_of(seen.command),
@@ -56,7 +56,7 @@ def _source(seen: Preview) -> str:
     return lobe_source(seen.job, chuck=seen.machine.chuck.name, tool=seen.machine.tool.name)
 
 
-def _predicted(seen: Preview, text: Catalogue) -> dict[str, object] | None:
+def _predict_roundness(seen: Preview, text: Catalogue) -> dict[str, object] | None:
     """Return the roundness of the released part without and with the strategy; None where that is refused.
 
     `after` and `band` are calculated; `forecast` is what may be said of a part to come.
@@ -81,7 +81,7 @@ def _predicted(seen: Preview, text: Catalogue) -> dict[str, object] | None:
 def _response(seen: Preview) -> dict[str, object]:
     """Return what the command inverts; a model has no band."""
     response, frequency_hz = seen.response, seen.job.lobe_frequency_hz
-    here = response.at(frequency_hz)
+    here = response.response_at(frequency_hz)
     return {
         "source": response.source.value,
         "name": response.name,
@@ -174,7 +174,7 @@ def preview_lines(seen: Preview, text: Catalogue) -> list[str]:
         *(
             f"{MARKS[severity]}  {name}: {words}"
             for name, plan in seen.strategies.items()
-            for severity, words in _judged(plan, text)
+            for severity, words in _list_plan_findings(plan, text)
         ),
     ]
 
@@ -231,7 +231,7 @@ def _loop_row(name: str, loop: Response) -> tuple[str, ...]:
     return name, f"{loop.gain:.4f}", f"{loop.phase_rad:+z.4f} rad", f"{loop.residual_um_pp:.1f} um p-p"
 
 
-def _judged(plan: CutPlan | ProblemError, text: Catalogue) -> list[tuple[Severity, str]]:
+def _list_plan_findings(plan: CutPlan | ProblemError, text: Catalogue) -> list[tuple[Severity, str]]:
     if isinstance(plan, ProblemError):
         return [(Severity.REFUSAL, text.problem(problem)) for problem in plan.problems]
     found = [(f.severity, text.problem(f.problem)) for f in plan.findings]

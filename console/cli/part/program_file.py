@@ -44,7 +44,9 @@ def checked_file(
     program, where = _text(path), printable(str(path))
     on_line = partial(read_line, dialect=DIALECTS[machine.controller.family])
     try:
-        return check_program(program, machine, ta_ms, ts_ms, start, partial(_included, path.parent), on_line)
+        return check_program(
+            program, machine, ta_ms, ts_ms, start, partial(_read_included_file, path.parent), on_line
+        )
     except PmacError as error:
         raise DriverError(Problem(code="program.refused", where=where, value=str(error))) from error
 
@@ -59,7 +61,7 @@ def read_file(path: Path, machine: MachineProfile) -> tuple[ProgramText, tuple[R
         _text(path),
         refused,
         dialect.motor_count,
-        partial(_included, path.parent),
+        partial(_read_included_file, path.parent),
         kinematic=dialect.kinematics is not None,
         on_line=partial(read_line, dialect=dialect),
         needs_program=False,
@@ -75,7 +77,7 @@ def _text(path: Path) -> str:
     return content.decode("utf-8-sig", "replace")
 
 
-def _included(folder: Path, name: str) -> str:
+def _read_included_file(folder: Path, name: str) -> str:
     """Return the text of a file that a program includes, from the folder of the program.
 
     Raises PmacError: 003, it cannot be read.

@@ -6,12 +6,12 @@ import difflib
 import os
 from argparse import Namespace
 
-from console.cli.configured import with_options
+from console.cli.configured_options import with_options
 from console.cli.library import DEFAULT_MACHINE
 from console.cli.output import show
 from console.cli.parser import Parser
 from console.session.appearance import CHOICES
-from console.session.configuration import KEYS, Configuration, Origin, Setting, variable_of
+from console.session.configuration import KEYS, Configuration, Setting, SettingOrigin, variable_of
 from console.session.data.home import account_name
 from console.session.data.kept_files import data_folder
 from console.session.errors import SessionError
@@ -63,7 +63,9 @@ def _built_in(key: str, text: Catalogue) -> Setting:
         value = account_name()
     elif key in CHOICES:
         value = CHOICES[key][0]
-    return Setting(value=value, origin=Origin.VARIABLE if variable else Origin.BUILT_IN, place=variable)
+    return Setting(
+        value=value, origin=SettingOrigin.VARIABLE if variable else SettingOrigin.BUILT_IN, place=variable
+    )
 
 
 def _notes(found: Configuration, options: Namespace, text: Catalogue) -> list[str]:

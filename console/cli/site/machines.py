@@ -9,7 +9,7 @@ from console.cli.commands import add_actions
 from console.cli.library import data_of
 from console.cli.output import show
 from console.cli.parser import Parser
-from console.cli.part.listed import Listed, fields_of_entry, listed, sentences
+from console.cli.part.library_list import Listed, fields_of_entry, list_library, sentences
 from console.session.data.kept_files import machines_folder, make_folder
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -36,7 +36,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 
 def _list(options: Namespace, text: Catalogue) -> None:
-    found = listed(list_machines(machines_folder(data_of(options))), load_machine)
+    found = list_library(list_machines(machines_folder(data_of(options))), load_machine)
     show(options, lambda: {"machines": [_fields(each, text) for each in found]}, lambda: _lines(found, text))
 
 

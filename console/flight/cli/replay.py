@@ -28,8 +28,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     """Print the recordings that there are, or what happened in one."""
     from console.cli.library import data_of
     from console.cli.output import show, tell
-    from console.flight.cli.replay_report import listed, listed_lines, replay_fields, replay_lines
-    from console.flight.frozen import frozen_in
+    from console.flight.cli.replay_report import list_recordings, listed_lines, replay_fields, replay_lines
+    from console.flight.frozen_recordings import frozen_in
     from console.flight.recording import read_recording
 
     if options.lesson_file is not None:
@@ -38,7 +38,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         )
         return code
     if options.file is None or options.list:
-        found = listed(frozen_in(data_of(options)))
+        found = list_recordings(frozen_in(data_of(options)))
         tell([problem for entry in found for problem in entry.problems], text)
         show(
             options,
@@ -60,7 +60,7 @@ def path_of(options: Namespace) -> Path:
 
 def path_named(file: str, data: Path) -> Path:
     """Return the recording of a path, or of a name in the list of a data folder."""
-    from console.flight.frozen import SUFFIX
+    from console.flight.frozen_recordings import SUFFIX
     from console.flight.ring import FOLDER
 
     given = Path(file)

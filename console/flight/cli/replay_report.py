@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from console.flight.notes import Kind
-from console.flight.playback import Event, Happened, events_of
+from console.flight.notes import NoteKind
+from console.flight.playback import PlaybackEvent, PlaybackEventKind, events_of
 from console.flight.recording import Header, Recording, read_header
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import alarm_words
@@ -19,7 +19,7 @@ LONGEST_REPLY = 90  # characters of the lines of one reply that are put into one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Listed:
+class RecordingEntry:
     """A file in the list: its header, or why it cannot be read."""
 
     path: Path
@@ -31,18 +31,18 @@ class Listed:
         return {"file": str(self.path), **({} if self.header is None else _header_fields(self.header))}
 
 
-def listed(paths: Sequence[Path]) -> list[Listed]:
+def list_recordings(paths: Sequence[Path]) -> list[RecordingEntry]:
     """Return the recordings with their headers; a damaged one is no reason not to list the others."""
     found = []
     for path in paths:
         try:
-            found.append(Listed(path=path, header=read_header(path)))
+            found.append(RecordingEntry(path=path, header=read_header(path)))
         except ProblemError as error:
-            found.append(Listed(path=path, problems=tuple(error.problems)))
+            found.append(RecordingEntry(path=path, problems=tuple(error.problems)))
     return found
 
 
-def listed_lines(found: Sequence[Listed], text: Catalogue) -> list[str]:
+def listed_lines(found: Sequence[RecordingEntry], text: Catalogue) -> list[str]:
     """Return a line for each recording: time, machine, length, reason, and its name."""
     known = [entry for entry in found if entry.header is not None]
     if not known:
@@ -71,16 +71,16 @@ def replay_lines(recording: Recording, text: Catalogue) -> list[str]:
     first_s = recording.times_s[0]
     rows = [
         f"{_utc(header, event.at_s)[11:21]}  {max(event.at_s - first_s, 0.0):8.1f}  {event_words(event, text)}"
-        for event in _joined(events_of(recording))
+        for event in _join_reply_lines(events_of(recording))
     ]
     return [*head, *rows]
 
 
-def _joined(events: Sequence[Event]) -> Iterator[Event]:
+def _join_reply_lines(events: Sequence[PlaybackEvent]) -> Iterator[PlaybackEvent]:
     """Yield the events, with the lines of one reply in one."""
-    reply: Event | None = None
+    reply: PlaybackEvent | None = None
     for event in events:
-        answers = event.kind is Kind.LINK and event.word.startswith("< ")
+        answers = event.kind is NoteKind.LINK and event.word.startswith("< ")
         if reply is not None and answers and len(reply.word) + len(event.word) < LONGEST_REPLY:
             reply = replace(reply, word=f"{reply.word} | {event.word[2:]}")
             continue
@@ -114,18 +114,18 @@ def replay_fields(recording: Recording, text: Catalogue) -> dict[str, Any]:
     }
 
 
-def event_words(event: Event, text: Catalogue) -> str:
+def event_words(event: PlaybackEvent, text: Catalogue) -> str:
     """Return an event in one line."""
     if event.problem is not None:
         return text(f"replay.event.{event.kind}", value=text.problem(event.problem))
     match event.kind:
-        case Happened.STOPPED | Kind.STOP | Kind.KILL:
+        case PlaybackEventKind.STOPPED | NoteKind.STOP | NoteKind.KILL:
             value = text.reason(event.word)
-        case Kind.FROZEN:
+        case NoteKind.FROZEN:
             value = _reason(event.word, text)
-        case Happened.ACTIVITY:
+        case PlaybackEventKind.ACTIVITY:
             value = text(f"activity.{event.word}")
-        case Happened.PAGE:
+        case PlaybackEventKind.PAGE:
             value = text(f"page.{event.word}") if event.word else ""
         case _:
             value = event.word

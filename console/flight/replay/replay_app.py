@@ -13,8 +13,8 @@ from pathlib import Path
 
 from textual import events
 
-from console.flight.notes import Kind
-from console.flight.playback import Event, Happened, Playback, ReplayControl
+from console.flight.notes import NoteKind
+from console.flight.playback import Playback, PlaybackEvent, PlaybackEventKind, ReplayControl
 from console.flight.recorded_forms import RecordedWork
 from console.session.appearance import Appearance
 from console.session.station.history.session_log import SessionLog
@@ -25,7 +25,7 @@ from console.tui.app import ConsoleApp
 from console.tui.frame import Frame
 from console.tui.key_help import KEY_WIDTH
 from console.tui.keymap import DIGITS, NUMBERED, READING, PageName, action_of
-from console.tui.lines import BLANK, Line, dim, fitted, line, width_of, wrapped
+from console.tui.lines import BLANK, Line, dim, fit_text, line, width_of, wrap_line
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.theme import Palette, Token
 from profiles.problem import Problem
@@ -42,11 +42,11 @@ LOOKING = ("alarms.up", "alarms.down", "alarms.log", "log.up", "log.down")
 
 
 _SIGNS = {
-    Happened.ALARM: (3, "!", Token.WARNING),
-    Happened.STOPPED: (2, "■", Token.STRONG),
-    Kind.STOP: (2, "■", Token.STRONG),
-    Kind.KILL: (2, "■", Token.STRONG),
-    Kind.KEY: (1, "·", Token.KEY),
+    PlaybackEventKind.ALARM: (3, "!", Token.WARNING),
+    PlaybackEventKind.STOPPED: (2, "■", Token.STRONG),
+    NoteKind.STOP: (2, "■", Token.STRONG),
+    NoteKind.KILL: (2, "■", Token.STRONG),
+    NoteKind.KEY: (1, "·", Token.KEY),
 }
 """Rank, sign and colour of a mark; where two meet, the higher rank is shown."""
 
@@ -87,7 +87,7 @@ def _track(playback: Playback, cells: int) -> Line:
     return tuple(marks[place][1:] if place in marks else ("─", Token.DIM) for place in range(cells))
 
 
-def _mark(event: Event) -> tuple[int, str, Token] | None:
+def _mark(event: PlaybackEvent) -> tuple[int, str, Token] | None:
     return None if event.is_low else _SIGNS.get(event.kind)
 
 
@@ -171,10 +171,10 @@ def replay_help(text: Catalogue, width: int) -> list[Line]:
     rows = [line((text("replay.help"), Token.TITLE))]
     pairs = [(each.shown, text(f"replay.help.{each.id}")) for each in KEYS]
     for shown, said in (*pairs, ("1-6 8", text("replay.help.pages")), ("! ■ ·", text("replay.help.marks"))):
-        head, *more = wrapped(said, max(width - KEY_WIDTH, 1))
-        rows.append(((fitted(shown, KEY_WIDTH), Token.KEY), *head))
+        head, *more = wrap_line(said, max(width - KEY_WIDTH, 1))
+        rows.append(((fit_text(shown, KEY_WIDTH), Token.KEY), *head))
         rows += [(dim(" " * KEY_WIDTH), *row) for row in more]
-    return [*rows, BLANK, *(wrapped(text("replay.help.not_shown"), width, Token.DIM))]
+    return [*rows, BLANK, *(wrap_line(text("replay.help.not_shown"), width, Token.DIM))]
 
 
 class ReplayApp(ConsoleApp):
@@ -227,7 +227,7 @@ class ReplayApp(ConsoleApp):
             self.ui.work = None if moment.work is None else _work(moment.work, self._loaded_machine)
         if self._follows and moment.page in PAGES and moment.page != self.page and not self._list.is_open:
             self.go(PageName(moment.page))
-        self.ui.said = (REFUSED,) if self._refused else moment.said
+        self.ui.key_answer = (REFUSED,) if self._refused else moment.said
         super().tick()
 
     def log_of(self, state: StationState) -> SessionLog:
@@ -244,7 +244,7 @@ class ReplayApp(ConsoleApp):
         """Return what a small terminal shows."""
         words = self.ui.text("replay.small")
         title = line((f" {self.ui.text('replay.badge')} ", Token.SELECTED))
-        return [title, *wrapped(words, max(self.size.width, 1), Token.TEXT)]
+        return [title, *wrap_line(words, max(self.size.width, 1), Token.TEXT)]
 
     def action_quit(self) -> None:  # type: ignore[override]
         """Leave; nothing is in motion."""
@@ -258,7 +258,7 @@ class ReplayApp(ConsoleApp):
         """Open no loop."""
         self._refused = True
 
-    def took(self, event: events.Key) -> bool:
+    def perform_key(self, event: events.Key) -> bool:
         """Perform the action of a key; every key of the machine is answered that this is a recording."""
         self._refused = False
         action = key_of(event.key, event.character)
@@ -273,11 +273,11 @@ class ReplayApp(ConsoleApp):
         elif action is not None:
             move(self.playback, action.id)
         else:
-            self._looked(event.key, event.character)
+            self._show_view(event.key, event.character)
         self.call_after_refresh(self.tick)
         return True
 
-    def _looked(self, key: str, character: str | None) -> None:
+    def _show_view(self, key: str, character: str | None) -> None:
         """Show another page or a list; anything else is a key of the machine."""
         page = next((each for each in PAGES if DIGITS.get(each) == key), None)
         action = action_of(key, character, self.page)

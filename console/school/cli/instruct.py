@@ -15,7 +15,7 @@ from console.cli.arguments import WRONG_USAGE, control_address
 from console.cli.library import data_of
 from console.cli.output import SCHEMA
 from console.cli.parser import Parser
-from console.school.instructing.order import WORDS, Answer
+from console.school.instructing.order import WORDS, OrderReply
 from console.session.dated_input import CLOSED, read_line
 from console.text.catalogue import Catalogue
 from drivers.clock import OLD_S
@@ -48,7 +48,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         print(f"console instruct: {text('usage.instruct_follow')}", file=sys.stderr)
         return WRONG_USAGE
     if line == "help":
-        return _said(Answer(lines=WORDS), options, text)
+        return _print_answer(OrderReply(lines=WORDS), options, text)
     from console.school.instructing.client import Instructor
     from console.school.instructing.token import kept_token, token_path
 
@@ -57,8 +57,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     stays = options.follow or not line
     with Instructor(options.address, token, stays=stays) as instructor:
         if options.follow:
-            return _followed(instructor, line, options, text)
-        return _said(instructor.ask(line), options, text) if line else _lines(instructor, options, text)
+            return _follow_lathe(instructor, line, options, text)
+        return _print_answer(instructor.ask(line), options, text) if line else _lines(instructor, options, text)
 
 
 def _refuse_token(_: str) -> None:
@@ -80,14 +80,14 @@ def _lines(instructor: Instructor, options: Namespace, text: Catalogue) -> int:
         if not line or line.strip() in LEAVE:
             return code
         if line.strip() == "help":
-            _said(Answer(lines=WORDS), options, text)
+            _print_answer(OrderReply(lines=WORDS), options, text)
         elif line.strip():
-            code = max(code, _said(instructor.ask(line.rstrip("\r\n")), options, text))
+            code = max(code, _print_answer(instructor.ask(line.rstrip("\r\n")), options, text))
         if typed:
             code = 0  # what was refused has been seen
 
 
-def _said(answer: Answer, options: Namespace, text: Catalogue) -> int:
+def _print_answer(answer: OrderReply, options: Namespace, text: Catalogue) -> int:
     """Print an answer; return the exit code."""
     problem = None if answer.problem is None else text.problem(answer.problem)
     if options.json:
@@ -109,19 +109,19 @@ def _said(answer: Answer, options: Namespace, text: Catalogue) -> int:
     return 0 if problem is None else 1
 
 
-def _followed(instructor: Instructor, line: str, options: Namespace, text: Catalogue) -> int:
+def _follow_lathe(instructor: Instructor, line: str, options: Namespace, text: Catalogue) -> int:
     """Print the screen whenever it has changed, or what is new in the log, until the link or the user ends it."""
     before: tuple[str, ...] = ()
     while True:
         answer = instructor.ask(line)
         if answer.problem is not None:
-            return _said(answer, options, text)
+            return _print_answer(answer, options, text)
         fresh = answer.lines
         if line == "log":  # an older row may have been counted once more
             fresh = tuple((Counter(answer.lines) - Counter(before)).elements())
         if fresh and answer.lines != before:
             if line == "screen" and sys.stdout.isatty():
                 print(CLEAR, end="")
-            _said(Answer(lines=fresh, age_s=answer.age_s), options, text)
+            _print_answer(OrderReply(lines=fresh, age_s=answer.age_s), options, text)
         before = answer.lines
         time.sleep(FOLLOW_S)

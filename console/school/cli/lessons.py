@@ -30,7 +30,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     own = own_folder(data_of(options))
     if options.name is not None:
         lesson = load_lesson(options.name, own)
-        show(options, lambda: _fields((lesson.name, lesson), text), lambda: _whole(lesson, text))
+        show(options, lambda: _fields((lesson.name, lesson), text), lambda: _describe_lesson(lesson, text))
         return 0
     found = lessons(own)
     show(options, lambda: {"lessons": [_fields(each, text) for each in found]}, lambda: _lines(found, text))
@@ -66,7 +66,7 @@ def _line(lesson: Lesson | tuple[Problem, ...], text: Catalogue) -> str:
     return text("lessons.line", minutes=f"{lesson.minutes:g}", title=lesson.words[text.language].title)
 
 
-def _whole(lesson: Lesson, text: Catalogue) -> list[str]:
+def _describe_lesson(lesson: Lesson, text: Catalogue) -> list[str]:
     """Return a lesson with its steps, each with its hint."""
     words = lesson.words[text.language]
     steps = [

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from console.school.instructing.dispatcher import ANSWER_S
-from console.school.instructing.order import Answer, read_answer
+from console.school.instructing.order import OrderReply, read_answer
 from console.school.instructing.server import ONCE, STAYS
 from console.session.errors import SessionError
 from drivers.errors import LinkError
-from drivers.simulator.hosts.control_address import ControlAddress, connected, unreachable
+from drivers.simulator.hosts.control_address import ControlAddress, connect_control, unreachable
 from profiles.problem import Problem
 
 TIMEOUT_S = ANSWER_S + 5.0  # the console says itself that it has no answer
@@ -26,7 +26,7 @@ class Instructor:
         """
         self._address, self._kept = address, b""
         try:
-            self._link = connected(address, TIMEOUT_S)
+            self._link = connect_control(address, TIMEOUT_S)
         except OSError as error:
             raise unreachable(address, error) from error
         try:
@@ -43,7 +43,7 @@ class Instructor:
     def __exit__(self, *_: object) -> None:
         self._link.close()
 
-    def ask(self, line: str) -> Answer:
+    def ask(self, line: str) -> OrderReply:
         """Send a line; return its answer. Raises LinkError as `__init__`."""
         try:
             self._link.sendall(line.encode("utf-8", "replace") + b"\n")

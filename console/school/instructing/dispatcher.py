@@ -7,8 +7,8 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from console.school.instructing.mailbox import Act, Mailbox
-from console.school.instructing.order import Answer, Do, Order
+from console.school.instructing.mailbox import InstructorAct, Mailbox
+from console.school.instructing.order import InstructorOrder, OrderKind, OrderReply
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
@@ -24,41 +24,41 @@ class Dispatcher:
     def __init__(self, mailbox: Mailbox, post: Callable[[Command], bool], now_s: Callable[[], float]) -> None:
         self._mailbox, self._post, self._now_s = mailbox, post, now_s
 
-    async def carry(self, order: Order) -> Answer:
+    async def carry(self, order: InstructorOrder) -> OrderReply:
         """Return what comes of an order."""
         match order.do:
-            case Do.SCREEN:
+            case OrderKind.SCREEN:
                 return await self._picture()
-            case Do.LOG:
-                return Answer(lines=self._mailbox.log())
-        answer = await self._ordered(order)
+            case OrderKind.LOG:
+                return OrderReply(lines=self._mailbox.log())
+        answer = await self._await_answer(order)
         if answer.problem is None and (order.is_fault or order.is_seen):
-            self._mailbox.note(Act(at=datetime.now(), at_s=self._now_s(), order=order))
+            self._mailbox.note(InstructorAct(at=datetime.now(), at_s=self._now_s(), order=order))
         return answer
 
-    async def _ordered(self, order: Order) -> Answer:
-        from console.school.instructing.carrying import CarryOut  # not for the first paint
+    async def _await_answer(self, order: InstructorOrder) -> OrderReply:
+        from console.school.instructing.order_execution import CarryOut  # not for the first paint
 
         loop = asyncio.get_running_loop()
-        came: asyncio.Future[Answer] = loop.create_future()
+        came: asyncio.Future[OrderReply] = loop.create_future()
 
-        def settle(answer: Answer) -> None:
+        def settle(answer: OrderReply) -> None:
             if not came.done():
                 came.set_result(answer)
 
-        def answered(answer: Answer) -> None:
+        def answered(answer: OrderReply) -> None:
             if not loop.is_closed():
                 loop.call_soon_threadsafe(settle, answer)
 
         if not self._post(CarryOut(order=order, answered=answered)):
-            return Answer(problem=Problem(code="instruct.not_ready"))
+            return OrderReply(problem=Problem(code="instruct.not_ready"))
         try:
             async with asyncio.timeout(ANSWER_S):
                 return await came
         except TimeoutError:
-            return Answer(problem=Problem(code="instruct.no_answer", limit=f"{ANSWER_S:g} s"))
+            return OrderReply(problem=Problem(code="instruct.no_answer", limit=f"{ANSWER_S:g} s"))
 
-    async def _picture(self) -> Answer:
+    async def _picture(self) -> OrderReply:
         """Return the screen of now; that of an earlier moment, with its age, where the screen does not answer."""
         loop, mailbox, number = asyncio.get_running_loop(), self._mailbox, self._mailbox.request_picture()
         until_s = loop.time() + PICTURE_S
@@ -67,6 +67,6 @@ class Dispatcher:
                 break
             await asyncio.sleep(LOOK_S)
         if picture is None:
-            return Answer(problem=Problem(code="instruct.no_screen"))
+            return OrderReply(problem=Problem(code="instruct.no_screen"))
         age_s = loop.time() - picture.at_s if picture.number < number else 0.0
-        return Answer(lines=picture.rows, age_s=age_s)
+        return OrderReply(lines=picture.rows, age_s=age_s)

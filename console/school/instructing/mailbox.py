@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from console.school.instructing.order import Order
+    from console.school.instructing.order import InstructorOrder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Act:
+class InstructorAct:
     """What the instructor has done, at a local time and at machine time."""
 
     at: datetime
     at_s: float
-    order: Order
+    order: InstructorOrder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,12 +37,12 @@ class Picture:
 class Mailbox:
     """`rows` returns the rows of the log of the session, with those of acts that it hides."""
 
-    def __init__(self, rows: Callable[[tuple[Act, ...]], tuple[str, ...]] = lambda hidden: ()) -> None:
+    def __init__(self, rows: Callable[[tuple[InstructorAct, ...]], tuple[str, ...]] = lambda hidden: ()) -> None:
         self._rows = rows
         self.picture: Picture | None = None
-        self.hidden: tuple[Act, ...] = ()
+        self.hidden: tuple[InstructorAct, ...] = ()
         self._requests = 0
-        self._fresh: deque[Act] = deque()
+        self._fresh: deque[InstructorAct] = deque()
 
     def request_picture(self) -> int:
         """Ask for a picture of the screen; return the number of this request."""
@@ -50,18 +50,18 @@ class Mailbox:
         return self._requests
 
     @property
-    def requested(self) -> int | None:
+    def requested_number(self) -> int | None:
         """The number of the newest request, if it has no picture yet."""
         picture = self.picture
         return self._requests if self._requests > (0 if picture is None else picture.number) else None
 
-    def note(self, act: Act) -> None:
+    def note(self, act: InstructorAct) -> None:
         """Note what was done. Faults are hidden: a trainee has to find them."""
         if act.order.is_fault:
             self.hidden = (*self.hidden, act)
         self._fresh.append(act)
 
-    def fresh(self) -> list[Act]:
+    def fresh(self) -> list[InstructorAct]:
         """Return what was done since this was asked last."""
         return [self._fresh.popleft() for _ in range(len(self._fresh))]
 

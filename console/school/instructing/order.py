@@ -16,7 +16,7 @@ from profiles.strict_values import from_json, record
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class OrderReply:
     """What came of an order: lines to print, or the problem why nothing was done.
 
     `age_s` is how old a picture of the screen is.
@@ -27,15 +27,15 @@ class Answer:
     age_s: float = 0.0
 
 
-def written(answer: Answer) -> bytes:
+def encode_answer(answer: OrderReply) -> bytes:
     """Return the line of an answer, with its end."""
     return json.dumps(asdict(answer)).encode("ascii") + b"\n"
 
 
-def read_answer(line: bytes) -> Answer:
+def read_answer(line: bytes) -> OrderReply:
     """Return the answer in a line. Raises ValueError: there is none in it."""
     try:
-        return record(Answer, from_json(line))
+        return record(OrderReply, from_json(line))
     except (AttributeError, TypeError) as error:
         raise ValueError("no answer") from error
 
@@ -65,7 +65,7 @@ WORDS = (
 """Every order."""
 
 
-class Do(StrEnum):
+class OrderKind(StrEnum):
     """What is ordered. `FAULT` is a line that the simulated lathe answers."""
 
     FAULT = "fault"
@@ -84,10 +84,10 @@ CHANGES = ("inject", "clear", "power-cycle")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
+class InstructorOrder:
     """An order as it was typed, with what its kind needs: a speed, the name of a checkpoint."""
 
-    do: Do
+    do: OrderKind
     line: str
     speed: float = 1.0
     name: str = NAME
@@ -95,15 +95,21 @@ class Order:
     @property
     def is_fault(self) -> bool:
         """Whether it changes the lathe in a way that a trainee has to find."""
-        return self.do is Do.FAULT and self.line.split()[0] in CHANGES
+        return self.do is OrderKind.FAULT and self.line.split()[0] in CHANGES
 
     @property
     def is_seen(self) -> bool:
         """Whether it does something that the trainee sees anyhow."""
-        return self.do in (Do.SPEED, Do.PAUSE, Do.RESUME, Do.CHECKPOINT, Do.RETURN)
+        return self.do in (
+            OrderKind.SPEED,
+            OrderKind.PAUSE,
+            OrderKind.RESUME,
+            OrderKind.CHECKPOINT,
+            OrderKind.RETURN,
+        )
 
 
-def read_order(line: str) -> Order:
+def read_order(line: str) -> InstructorOrder:
     """Return the order in a line.
 
     Raises SessionError: `instruct.unknown`; `instruct.speed`, out of its range; `instruct.name` of a checkpoint.
@@ -118,18 +124,18 @@ def read_order(line: str) -> Order:
     match words:
         case ["list" | "active" | "clear" | "power-cycle" | "collisions"] | ["help", _] | ["inject", _, *_]:
             # In one form, whatever quotes were typed: the simulated lathe splits it again.
-            return Order(do=Do.FAULT, line=shlex.join(words))
+            return InstructorOrder(do=OrderKind.FAULT, line=shlex.join(words))
         case ["speed", value]:
-            return Order(do=Do.SPEED, line=said, speed=_speed(value))
+            return InstructorOrder(do=OrderKind.SPEED, line=said, speed=_parse_speed(value))
         case ["pause" | "resume" | "screen" | "log" | "checkpoints" as word]:
-            return Order(do=Do(word), line=said)
+            return InstructorOrder(do=OrderKind(word), line=said)
         case ["checkpoint" | "return" as word, *names] if len(names) <= 1:
-            return Order(do=Do(word), line=said, name=_name(names[0]) if names else NAME)
+            return InstructorOrder(do=OrderKind(word), line=said, name=_name(names[0]) if names else NAME)
         case _:
             raise _unknown(line)
 
 
-def _speed(word: str) -> float:
+def _parse_speed(word: str) -> float:
     try:
         speed = float(word.removeprefix("x"))
     except ValueError:

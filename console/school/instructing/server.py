@@ -12,7 +12,14 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from console.school.instructing.dispatcher import Dispatcher
-from console.school.instructing.order import LONGEST_LINE, Answer, Do, Order, read_order, written
+from console.school.instructing.order import (
+    LONGEST_LINE,
+    InstructorOrder,
+    OrderKind,
+    OrderReply,
+    encode_answer,
+    read_order,
+)
 from console.school.instructing.token import is_token
 from console.session.bounded_server import GONE, BoundedServer, send
 from console.session.errors import SessionError
@@ -76,10 +83,10 @@ class _Client:
         how, _, given = line.decode("utf-8", "replace").strip().partition(" ")
         if how in (STAYS, ONCE) and is_token(given, token):
             self._stays = how == STAYS
-            await self._say(Answer())
+            await self._say(OrderReply())
             return True
         await asyncio.sleep(WRONG_S)
-        await self._say(Answer(problem=Problem(code="instruct.token")))
+        await self._say(OrderReply(problem=Problem(code="instruct.token")))
         self._writer.close()
         with suppress(OSError):
             async with asyncio.timeout(UNREAD_S):
@@ -89,23 +96,25 @@ class _Client:
     async def serve(self) -> None:
         """Answer one order after the other."""
         while line := await self._reader.readline():
-            await self._say(await self._answered(line.decode("utf-8", "replace").rstrip("\r\n")))
+            await self._say(await self._answer_line(line.decode("utf-8", "replace").rstrip("\r\n")))
             await asyncio.sleep(BETWEEN_S)
 
     async def leave(self) -> None:
         """End a pause that this client has made: it stays no longer."""
         if self._stays and self._paused:
-            await self._dispatcher.carry(Order(do=Do.RESUME, line=Do.RESUME.value))
+            await self._dispatcher.carry(InstructorOrder(do=OrderKind.RESUME, line=OrderKind.RESUME.value))
 
-    async def _answered(self, line: str) -> Answer:
+    async def _answer_line(self, line: str) -> OrderReply:
         try:
             order = read_order(line)
         except SessionError as error:
-            return Answer(problem=error.problems[0])
+            return OrderReply(problem=error.problems[0])
         answer = await self._dispatcher.carry(order)
         if answer.problem is None:
-            self._paused = order.do is Do.PAUSE or (self._paused and order.do not in (Do.RESUME, Do.RETURN))
+            self._paused = order.do is OrderKind.PAUSE or (
+                self._paused and order.do not in (OrderKind.RESUME, OrderKind.RETURN)
+            )
         return answer
 
-    async def _say(self, answer: Answer) -> None:
-        await send(self._writer, written(answer), UNREAD_S)
+    async def _say(self, answer: OrderReply) -> None:
+        await send(self._writer, encode_answer(answer), UNREAD_S)

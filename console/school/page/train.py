@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 from console.school.training.attempt import Attempt
 from console.school.training.debrief import Debrief, debrief_of
-from console.school.training.happened import What
-from console.school.training.left import forget_left
+from console.school.training.happenings import HappeningKind
 from console.school.training.lesson import Lesson, Words
 from console.school.training.shelf import Shelved, lessons, own_folder
 from console.school.training.tries import keep_try, tries, try_of
+from console.school.training.unfinished_try import forget_left
 from console.school.words.debrief import clock, happening_words, mark_words
 from console.text.catalogue import Catalogue
 from console.tui.keymap import PageName, RowKey
-from console.tui.lines import BLANK, Line, Sheet, clipped, dim, hanging, line, ranged, wrapped
+from console.tui.lines import BLANK, Line, Sheet, clip_lines, dim, hanging, justify_line, line, wrap_line
 from console.tui.page import Page
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
@@ -45,28 +45,28 @@ def score_lines(
         rows += hanging(sign, mark_words(mark, text, answers), width, beside=points)
     if len(scores) > 1:
         shown = " ".join(str(score) for score in scores[-12:])
-        rows += [BLANK, *wrapped(text("debrief.trend", scores=shown), width, Token.DIM)]
+        rows += [BLANK, *wrap_line(text("debrief.trend", scores=shown), width, Token.DIM)]
     return rows
 
 
 def advice_lines(debrief: Debrief, text: Catalogue, width: int) -> list[Line]:
     """Return what to do next time, about what cost most."""
     worst = debrief.worst
-    return wrapped(text("debrief.next.none" if worst is None else f"debrief.next.{worst.item}"), width)
+    return wrap_line(text("debrief.next.none" if worst is None else f"debrief.next.{worst.item}"), width)
 
 
 def happened_lines(attempt: Attempt, text: Catalogue, width: int) -> list[Line]:
     """Return what happened when, oldest first."""
     rows: list[Line] = []
     for each in attempt.happened:
-        token = Token.DIM if each.what is What.STEP else Token.TEXT
+        token = Token.DIM if each.what is HappeningKind.STEP else Token.TEXT
         rows += hanging(dim(f"{clock(each.at_s)} "), happening_words(each, text), width, token)
     return rows
 
 
 def question_lines(words: Words, choice: int, width: int) -> list[Line]:
     """Return the question, and each answer; the one of the number `choice`, from 0, is marked."""
-    rows = [*wrapped(words.question, width, Token.STRONG), BLANK]
+    rows = [*wrap_line(words.question, width, Token.STRONG), BLANK]
     for number, answer in enumerate(words.answers):
         chosen = number == choice
         rows += hanging(_CHOSEN if chosen else _OTHER, answer, width, Token.STRONG if chosen else Token.TEXT)
@@ -107,14 +107,14 @@ class TrainPage(Page):
         self.set_class(attempt is not None, "-lesson")
         size = self._steps.size
         if attempt is None:
-            rows = clipped(self._list(max(size.width, 1)), size.height, self.ui.text("panel.more"))
+            rows = clip_lines(self._list(max(size.width, 1)), size.height, self.ui.text("panel.more"))
             self._steps.show(rows, self.ui.text("train_page.lessons"))
             return
         words = attempt.lesson.words[self.ui.text.language]
         if attempt.ended_s is not None and view.state.truth is not None:
             self._show_debrief(attempt, view.state.truth, view.now_s)
             return
-        rows = clipped(
+        rows = clip_lines(
             self._progress(attempt, words, view, max(size.width, 1)), size.height, self.ui.text("panel.more")
         )
         self._steps.show(rows, words.title)
@@ -137,14 +137,14 @@ class TrainPage(Page):
         from console.session.station.commands import AskTruth  # not for the first page
 
         if self.ui.control.post(AskTruth()):
-            self.ui.attempt = attempt.ended(self.ui.control.now_s())
+            self.ui.attempt = attempt.end_attempt(self.ui.control.now_s())
 
     def _answer(self, attempt: Attempt, action: str) -> None:
         """Choose an answer, or give the chosen one: that is possible once."""
         if action in _STEPS:
             self._choice = (self._choice + _STEPS[action]) % len(self._answers(attempt))
         else:
-            self.ui.attempt = attempt.answered(self._choice)
+            self.ui.attempt = attempt.answer_question(self._choice)
 
     @property
     def keys(self) -> tuple[RowKey, ...]:
@@ -166,18 +166,18 @@ class TrainPage(Page):
     def _show_debrief(self, attempt: Attempt, truth: Truth, now_s: float) -> None:
         """Show the debrief; the first time, keep the try."""
         if self._over is None:
-            self._over = self._kept(attempt, debrief_of(attempt, truth, now_s), now_s)
+            self._over = self._keep_try(attempt, debrief_of(attempt, truth, now_s), now_s)
         (debrief, scores), text, size = self._over, self.ui.text, self._steps.size
         rows = score_lines(debrief, scores, text, max(size.width, 1), self._answers(attempt))
-        self._steps.show(clipped(rows, size.height, text("panel.more")), text("debrief.title"))
+        self._steps.show(clip_lines(rows, size.height, text("panel.more")), text("debrief.title"))
         width = max(self._hint.size.width, 1)
         rows = [*advice_lines(debrief, text, width), BLANK, *happened_lines(attempt, text, width)]
-        self._hint.show(clipped(rows, self._hint.size.height, text("panel.more")), text("debrief.next_time"))
+        self._hint.show(clip_lines(rows, self._hint.size.height, text("panel.more")), text("debrief.next_time"))
 
     def _answers(self, attempt: Attempt) -> tuple[str, ...]:
         return attempt.lesson.words[self.ui.text.language].answers
 
-    def _kept(self, attempt: Attempt, debrief: Debrief, now_s: float) -> tuple[Debrief, tuple[int, ...]]:
+    def _keep_try(self, attempt: Attempt, debrief: Debrief, now_s: float) -> tuple[Debrief, tuple[int, ...]]:
         """Keep the try; return the debrief with the scores of all tries of this lesson, the newest last."""
         scores: tuple[int, ...] = (debrief.score,)
         with self.ui.answering():
@@ -212,7 +212,7 @@ class TrainPage(Page):
             advice = advice_lines(debrief, self.ui.text, width)
             return [*said, BLANK, *advice, BLANK, *happened_lines(attempt, self.ui.text, width)]
         words = attempt.lesson.words[self.ui.text.language]
-        hints = [row for hint in words.hints for row in (*wrapped(hint, width), BLANK)]
+        hints = [row for hint in words.hints for row in (*wrap_line(hint, width), BLANK)]
         if attempt.asks_now:
             hints = [*question_lines(words, self._choice, width), BLANK, *hints]
         return [*self._progress(attempt, words, view, width), BLANK, *hints]
@@ -220,12 +220,12 @@ class TrainPage(Page):
     def _progress(self, attempt: Attempt, words: Words, view: View, width: int) -> list[Line]:
         text = self.ui.text
         job = (dim(text("train_page.job", job=attempt.lesson.job)),)
-        rows: list[Line] = [*wrapped(words.goal, width), job, BLANK]
+        rows: list[Line] = [*wrap_line(words.goal, width), job, BLANK]
         for number, name in enumerate(attempt.lesson.steps):
             said = text(f"train_page.step.{name}")
             if number < attempt.step:
                 at = dim(clock(attempt.reached[number][1]))
-                rows.append(ranged(line((f"{_DONE} ", Token.OK), said), (at,), width))
+                rows.append(justify_line(line((f"{_DONE} ", Token.OK), said), (at,), width))
             elif number == attempt.step:
                 rows.append(line((f"{_CURRENT} {said}", Token.STRONG)))
             else:
@@ -233,17 +233,21 @@ class TrainPage(Page):
         left_s = attempt.left_s(view.now_s)
         known = "train_page.left" if left_s >= 0.0 else "train_page.over"
         rows += [BLANK, line(text(known, time=clock(abs(left_s))))]
-        facts = text("train_page.facts", stops=attempt.stops, collisions=len(attempt.met))
+        facts = text("train_page.facts", stops=attempt.stops, collisions=len(attempt.collision_kinds))
         return [*rows, (dim(facts),)]
 
     def _hints(self, attempt: Attempt, words: Words, width: int) -> list[Line]:
         if attempt.done:
-            return wrapped(self.ui.text("train_page.done"), width)
+            return wrap_line(self.ui.text("train_page.done"), width)
         if attempt.asks_now:
-            return [*question_lines(words, self._choice, width), BLANK, *wrapped(words.hints[attempt.step], width)]
-        hint = wrapped(words.hints[attempt.step], width)
+            return [
+                *question_lines(words, self._choice, width),
+                BLANK,
+                *wrap_line(words.hints[attempt.step], width),
+            ]
+        hint = wrap_line(words.hints[attempt.step], width)
         if attempt.step == attempt.continued > 0:
-            return [*wrapped(self.ui.text("train_page.continued"), width, Token.STRONG), BLANK, *hint]
+            return [*wrap_line(self.ui.text("train_page.continued"), width, Token.STRONG), BLANK, *hint]
         return hint
 
     def _list(self, width: int) -> list[Line]:
@@ -252,17 +256,19 @@ class TrainPage(Page):
         if self._shelf is None:
             self._shelf = lessons(own_folder(self.ui.data))
             self._best = self._best_scores()
-        rows: list[Line] = [*wrapped(text("train_page.begin"), width), BLANK]
+        rows: list[Line] = [*wrap_line(text("train_page.begin"), width), BLANK]
         for name, lesson in self._shelf:
             if isinstance(lesson, Lesson):
                 minutes = dim(text("train_page.minutes", minutes=f"{lesson.minutes:g}"))
                 best = self._best.get(name)
                 score = () if best is None else (dim(text("train_page.best", score=best)), dim("  "))
-                rows.append(ranged(line((name, Token.STRONG)), (*score, minutes), width))
-                rows += wrapped(lesson.words[text.language].title, width, Token.DIM)
+                rows.append(justify_line(line((name, Token.STRONG)), (*score, minutes), width))
+                rows += wrap_line(lesson.words[text.language].title, width, Token.DIM)
             else:
                 rows.append(line((name, Token.STRONG)))
-                rows += [row for problem in lesson for row in wrapped(text.problem(problem), width, Token.WARNING)]
+                rows += [
+                    row for problem in lesson for row in wrap_line(text.problem(problem), width, Token.WARNING)
+                ]
         return rows
 
     def _best_scores(self) -> dict[str, int]:

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from console.school.practice.moment_before import SET_UP
 from console.school.practice.practice import Practice
-from console.school.training.event import Event
+from console.school.practice.practice_start import SET_UP
+from console.school.training.event import LessonEvent
 from console.school.training.lesson import EVENTS, Item, Lesson, Words
 from profiles.words.sentences import LANGUAGES
 
@@ -40,7 +40,7 @@ def steps_of(practice: Practice, *, set_up: bool) -> tuple[str, ...]:
     return (*steps, stopped, *_STOPPED)
 
 
-def events_of_practice(practice: Practice, steps: tuple[str, ...]) -> tuple[Event, ...]:
+def events_of_practice(practice: Practice, steps: tuple[str, ...]) -> tuple[LessonEvent, ...]:
     """Return the event of a practice, so long after one of these steps; none where nothing is like it."""
     like, begin = practice.event.like, practice.before
     if like is None:
@@ -48,7 +48,7 @@ def events_of_practice(practice: Practice, steps: tuple[str, ...]) -> tuple[Even
     after = "in_cut" if "in_cut" in steps else "armed" if "armed" in steps else _last(steps, tuple(SET_UP))
     # A flag that never comes is not noticed before it is looked for.
     wait_s = 0.0 if practice.event.fault == "index-lost" else begin.after_s
-    return (Event(after=after, wait_s=round(wait_s, 2), fault=like.fault),)
+    return (LessonEvent(after=after, wait_s=round(wait_s, 2), fault=like.fault),)
 
 
 def _last(steps: tuple[str, ...], among: tuple[str, ...]) -> str:

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from console.flight.recorded_forms import Moment, RecordedWork
+from console.flight.recorded_forms import RecordedMoment, RecordedWork
 from console.flight.recording import Recording
-from console.school.practice.moment_before import Before, RecordedEvent, before, event_of
+from console.school.practice.practice_start import PracticeStart, RecordedEvent, event_of, find_practice_start
 from console.session.cut.alignment import Alignment, aligned_machine
 from console.session.data.measured_part import MODEL
-from console.session.station.begins import Begins
 from console.session.station.jogging import tool_in_part
-from drivers.placed import Placed
+from console.session.station.session_start import SessionStart
+from drivers.lathe_placement import LathePlacement
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.problem import Problem, refused
+from profiles.problem import Problem, refusal_error
 
 _BLANK = ("jaws", "material", "diameter_mm", "wall_thickness_mm", "overhang_mm")
 
@@ -26,9 +26,9 @@ class Practice:
 
     recording: Recording
     event: RecordedEvent
-    before: Before
-    placed: Placed
-    begins: Begins
+    before: PracticeStart
+    placed: LathePlacement
+    begins: SessionStart
     otherwise: tuple[Problem, ...]
 
     @property
@@ -41,18 +41,19 @@ def practice_of(recording: Recording, before_s: float | None = None) -> Practice
     """Return the practice of the event of a recording.
 
     Raises:
-        ProfileError: those of `before`; `practice.no_job`, the event came in a cut whose job was not recorded.
+        ProfileError: those of `find_practice_start`; `practice.no_job`, the event came in a cut whose job was not
+        recorded.
     """
     event = event_of(recording)
-    begin = before(recording, event, before_s)
+    begin = find_practice_start(recording, event, before_s)
     if begin.of_cut and begin.work is None:
-        raise refused("practice.no_job")
+        raise refusal_error("practice.no_job")
     machine = recording.header.machine
     alignment = _alignment(begin)
     job = _clamped_job(begin, alignment)
     if alignment.clamping is not None and job is None:
         alignment = replace(alignment, clamping=None)
-    placed = Placed(
+    placed = LathePlacement(
         axes=_axes(begin, machine),
         jaw_1_deg=None if alignment.jaw is None else alignment.jaw.angle_deg,
         tip_radius_mm=None
@@ -65,18 +66,18 @@ def practice_of(recording: Recording, before_s: float | None = None) -> Practice
         event=event,
         before=begin,
         placed=placed,
-        begins=Begins(alignment=alignment, drives_on=alignment.drives_on),
-        otherwise=tuple(_otherwise(recording, event, begin, placed)),
+        begins=SessionStart(alignment=alignment, drives_on=alignment.drives_on),
+        otherwise=tuple(_list_differences(recording, event, begin, placed)),
     )
 
 
-def _alignment(begin: Before) -> Alignment:
+def _alignment(begin: PracticeStart) -> Alignment:
     """Return the alignment at the beginning; of a cut that is older than its recording, that of its arming."""
     armed = begin.moment.state.armed
     return armed.alignment if begin.at_start and armed is not None else begin.moment.state.alignment
 
 
-def _clamped_job(begin: Before, alignment: Alignment) -> Job | None:
+def _clamped_job(begin: PracticeStart, alignment: Alignment) -> Job | None:
     """Return the job whose blank is clamped, None if the recording does not have it."""
     clamping, work = alignment.clamping, begin.work
     if clamping is None or work is None:
@@ -85,7 +86,7 @@ def _clamped_job(begin: Before, alignment: Alignment) -> Job | None:
     return work.job if same else None
 
 
-def _axes(begin: Before, machine: MachineProfile) -> tuple[float, float, float] | None:
+def _axes(begin: PracticeStart, machine: MachineProfile) -> tuple[float, float, float] | None:
     """Return where the axes stood, mm and turns; None if the controller did not know."""
     state = begin.moment.state
     snapshot, armed = state.snapshot, state.armed
@@ -100,19 +101,21 @@ def _axes(begin: Before, machine: MachineProfile) -> tuple[float, float, float] 
     return tool / machine.tool.counts_per_mm, carriage / machine.carriage.counts_per_mm, turns % 1.0
 
 
-def _tool_in_part(moment: Moment, machine: MachineProfile) -> bool:
+def _tool_in_part(moment: RecordedMoment, machine: MachineProfile) -> bool:
     snapshot = moment.state.snapshot
     return snapshot is not None and tool_in_part(snapshot, machine, moment.state.alignment) is True
 
 
-def _otherwise(recording: Recording, event: RecordedEvent, begin: Before, placed: Placed) -> Iterator[Problem]:
+def _list_differences(
+    recording: Recording, event: RecordedEvent, begin: PracticeStart, placed: LathePlacement
+) -> Iterator[Problem]:
     yield from _of_machine(recording, begin, placed)
     yield from _of_part(recording, begin, placed)
     yield from _of_cut(recording, event, begin)
     yield from _of_fault(event)
 
 
-def _of_machine(recording: Recording, begin: Before, placed: Placed) -> Iterator[Problem]:
+def _of_machine(recording: Recording, begin: PracticeStart, placed: LathePlacement) -> Iterator[Problem]:
     header, state, alignment = recording.header, begin.moment.state, _alignment(begin)
     if not header.simulated:
         yield Problem(code="practice.was_real", key=header.machine.name)
@@ -134,7 +137,7 @@ def _of_machine(recording: Recording, begin: Before, placed: Placed) -> Iterator
     yield from (Problem(code="practice.alarm_stood", value=code) for code in active)
 
 
-def _of_part(recording: Recording, begin: Before, placed: Placed) -> Iterator[Problem]:
+def _of_part(recording: Recording, begin: PracticeStart, placed: LathePlacement) -> Iterator[Problem]:
     state = begin.moment.state
     if begin.work is None:
         yield Problem(code="practice.no_open_job")
@@ -144,7 +147,7 @@ def _of_part(recording: Recording, begin: Before, placed: Placed) -> Iterator[Pr
         yield Problem(code="practice.fresh_blank", value=f"{state.cut_to.to_mm:.2f} mm")
 
 
-def _of_cut(recording: Recording, event: RecordedEvent, begin: Before) -> Iterator[Problem]:
+def _of_cut(recording: Recording, event: RecordedEvent, begin: PracticeStart) -> Iterator[Problem]:
     if begin.during is None:
         return
     if not begin.of_cut:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from console.school.instructing.mailbox import Act
-from console.school.instructing.order import Do
+from console.school.instructing.mailbox import InstructorAct
+from console.school.instructing.order import OrderKind
 from console.school.training.event import CONSOLE
-from console.school.training.happened import Happening, PartFact, What, happenings, part_fact
-from console.school.training.lesson import MILESTONES, STEP, Change, Lesson
+from console.school.training.happenings import Happening, HappeningKind, PartFact, happenings, part_fact
+from console.school.training.lesson import MILESTONES, STEP, Lesson, StateChange
 from console.session.stages import Stage
 from console.session.station.state import StationState
 
@@ -16,7 +16,7 @@ INJECT = "inject "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class TraineeFindings:
     """What the trainee found, as far as it is known: jaw 1 and the tool tip as in `Alignment`, and the lobe.
 
     `lobe_um_pp` and `jaws` are those of the job that was armed last.
@@ -47,7 +47,7 @@ class Attempt:
     reached: tuple[tuple[str, float], ...] = ()
     happened: tuple[Happening, ...] = ()
     given: frozenset[int] = frozenset()
-    found: Found = Found()
+    found: TraineeFindings = TraineeFindings()
     part: PartFact | None = None
     answer: int | None = None
     continued: int = 0
@@ -79,18 +79,18 @@ class Attempt:
     @property
     def stops(self) -> int:
         """How many stops there were."""
-        return sum(each.what is What.STOP for each in self.happened)
+        return sum(each.what is HappeningKind.STOP for each in self.happened)
 
     @property
     def faults(self) -> int:
         """How many faults were given to the lathe, by the lesson or by an instructor."""
-        given = [each.word for each in self.happened if each.what is What.FAULT]
+        given = [each.word for each in self.happened if each.what is HappeningKind.FAULT]
         return sum(not word.startswith(CONSOLE) for word in given)
 
     @property
-    def met(self) -> tuple[str, ...]:
+    def collision_kinds(self) -> tuple[str, ...]:
         """Kinds of collision, in the order in which they first came."""
-        return tuple(dict.fromkeys(each.word for each in self.happened if each.what is What.MET))
+        return tuple(dict.fromkeys(each.word for each in self.happened if each.what is HappeningKind.MET))
 
     def took_s(self, now_s: float) -> float:
         """Return how long it took: to the last step, or else to its end, or to now."""
@@ -102,13 +102,13 @@ class Attempt:
         """Return how much of the time is left, below 0 once it is over; that of a lesson which is done stands."""
         return self.lesson.minutes * 60.0 - self.took_s(now_s)
 
-    def seen(self, state: StationState, now_s: float) -> Attempt:
+    def see_state(self, state: StationState, now_s: float) -> Attempt:
         """Return the try after one more state of the station."""
         before, at_s = self.last, now_s - self.began_s
         if before is None or before is state or self.ended_s is not None:
             return replace(self, last=state)
         stage = Stage(state.armed.made.stage) if state.armed is not None else self.stage
-        change = Change(before=before, now=state, stage=stage, answered=self.answer is not None)
+        change = StateChange(before=before, now=state, stage=stage, answered=self.answer is not None)
         fresh = happenings(before, state, at_s)
         reached = self.reached
         while len(reached) < len(self.lesson.steps):
@@ -116,19 +116,19 @@ class Attempt:
             if not MILESTONES[name](change):
                 break
             reached = (*reached, (name, at_s))
-        steps = [Happening(at_s=at_s, what=What.STEP, word=name) for name, _ in reached[self.step :]]
-        measured = state.measured if any(each.what is What.PART for each in fresh) else None
+        steps = [Happening(at_s=at_s, what=HappeningKind.STEP, word=name) for name, _ in reached[self.step :]]
+        measured = state.measured if any(each.what is HappeningKind.PART for each in fresh) else None
         return replace(
             self,
             last=state,
             stage=stage,
             reached=reached,
             happened=(*self.happened, *fresh, *steps),
-            found=_found(self.found, state),
+            found=_update_findings(self.found, state),
             part=self.part if measured is None else part_fact(measured),
         )
 
-    def due(self, now_s: float) -> tuple[int, ...]:
+    def due_events(self, now_s: float) -> tuple[int, ...]:
         """Return the numbers of the events that have to come now."""
         at_s, reached = now_s - self.began_s, {"": 0.0, **dict(self.reached)}
         if self.ended_s is not None:
@@ -142,35 +142,35 @@ class Attempt:
     def gave(self, number: int, now_s: float) -> Attempt:
         """Return the try after an event has come."""
         word = self.lesson.events[number].word
-        fault = Happening(at_s=now_s - self.began_s, what=What.FAULT, word=word)
+        fault = Happening(at_s=now_s - self.began_s, what=HappeningKind.FAULT, word=word)
         return replace(self, given=self.given | {number}, happened=(*self.happened, fault))
 
-    def answered(self, number: int) -> Attempt:
+    def answer_question(self, number: int) -> Attempt:
         """Return the try with the question answered: once, when it is due."""
         return replace(self, answer=number) if self.asks_now else self
 
-    def instructed(self, act: Act) -> Attempt:
+    def record_instruction(self, act: InstructorAct) -> Attempt:
         """Return the try after the instructor has done something: a fault counts as those of the lesson do."""
         if self.ended_s is not None:
             return self
-        what, word = What.INSTRUCTOR, act.order.line
+        what, word = HappeningKind.INSTRUCTOR, act.order.line
         if word.startswith(INJECT):
-            what, word = What.FAULT, word.removeprefix(INJECT)
+            what, word = HappeningKind.FAULT, word.removeprefix(INJECT)
         fresh = Happening(at_s=act.at_s - self.began_s, what=what, word=word)
         name, steps, reached = act.order.name, dict(self.checkpoints), self.reached
-        if act.order.do is Do.CHECKPOINT:
+        if act.order.do is OrderKind.CHECKPOINT:
             steps[name] = self.step
-        elif act.order.do is Do.RETURN:
+        elif act.order.do is OrderKind.RETURN:
             reached = reached[: steps.get(name, self.step)]
         marks = tuple(steps.items())
         return replace(self, happened=(*self.happened, fresh), reached=reached, checkpoints=marks)
 
-    def ended(self, now_s: float) -> Attempt:
+    def end_attempt(self, now_s: float) -> Attempt:
         """Return the try after the trainee has ended it."""
         return self if self.ended_s is not None else replace(self, ended_s=now_s - self.began_s)
 
 
-def _found(found: Found, state: StationState) -> Found:
+def _update_findings(found: TraineeFindings, state: StationState) -> TraineeFindings:
     """Return what is known now; what was lost since stays what was found last."""
     jaw, touch_off, armed = state.alignment.jaw, state.alignment.touch_off, state.armed
     if jaw is not None and jaw.angle_deg != found.jaw_1_deg:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from console.school.training.attempt import Attempt
-from console.school.training.happened import Happening, What
+from console.school.training.happenings import Happening, HappeningKind
 from console.school.training.lesson import Item
 from console.session.stop_keys import is_by_key
 from drivers.simulator.plant.workshop_view import Truth
@@ -29,7 +29,7 @@ STOPS = frozenset({"stopped", "stopped_in_cut"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mark:
+class ScoreItem:
     """One item: what it was and what it should be, as numbers in its unit; the points that it cost.
 
     `cost_um` is what it leaves on the part, p-p on the radius, where that can be told.
@@ -47,10 +47,10 @@ class Debrief:
     """The score of a try, 0 to 100, with its marks; those that could not be judged are left out."""
 
     score: int
-    marks: tuple[Mark, ...]
+    marks: tuple[ScoreItem, ...]
 
     @property
-    def worst(self) -> Mark | None:
+    def worst(self) -> ScoreItem | None:
         """The mark that cost most, None if nothing was lost."""
         return max((mark for mark in self.marks if mark.lost > 0.0), key=lambda mark: mark.lost, default=None)
 
@@ -67,32 +67,32 @@ def _over(value: float, limit: float, points_each: float, most: float) -> float:
     return min(max(value - limit, 0.0) * points_each, most)
 
 
-def _steps(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+def _steps(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
     steps = len(attempt.lesson.steps)
-    yield Mark(item=Item.STEPS, value=attempt.step, limit=steps, lost=FULL * (steps - attempt.step) / steps)
+    yield ScoreItem(item=Item.STEPS, value=attempt.step, limit=steps, lost=FULL * (steps - attempt.step) / steps)
 
 
-def _met(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
-    met = len(attempt.met)
-    yield Mark(item=Item.MET, value=met, limit=0, lost=min(25.0 * met, 50.0))
+def _score_collisions(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
+    met = len(attempt.collision_kinds)
+    yield ScoreItem(item=Item.MET, value=met, limit=0, lost=min(25.0 * met, 50.0))
 
 
-def _near(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+def _score_jaw_clearance(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
     nearest_mm = truth.nearest_jaws_mm
     if nearest_mm is None or nearest_mm <= 0.0:  # a collision has its own points
         return
     lost = 10.0 * max(1.0 - nearest_mm / CLEAR_OF_JAWS_MM, 0.0)
-    yield Mark(item=Item.NEAR, value=nearest_mm, limit=CLEAR_OF_JAWS_MM, lost=lost)
+    yield ScoreItem(item=Item.NEAR, value=nearest_mm, limit=CLEAR_OF_JAWS_MM, lost=lost)
 
 
-def _contact(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+def _contact(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
     if truth.contact_mm_per_s is None:
         return
     lost = _over(truth.contact_mm_per_s, GENTLE_MM_PER_S, 5.0, 10.0)
-    yield Mark(item=Item.CONTACT, value=truth.contact_mm_per_s, limit=GENTLE_MM_PER_S, lost=lost)
+    yield ScoreItem(item=Item.CONTACT, value=truth.contact_mm_per_s, limit=GENTLE_MM_PER_S, lost=lost)
 
 
-def _round(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+def _round(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
     part = attempt.part
     if part is None or not part.full or part.tolerance_um is None:
         return
@@ -100,20 +100,20 @@ def _round(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
     # By the fraction of the lobe that is left: what the compensation was there to remove.
     to_remove_um = max((attempt.found.lobe_um_pp or 0.0) - limit_um, limit_um)
     lost = _over(part.ront_um, limit_um, 30.0 / to_remove_um, 30.0)
-    yield Mark(
+    yield ScoreItem(
         item=Item.ROUND, value=part.ront_um, limit=limit_um, lost=lost, cost_um=part.ront_um - truth.reachable_um
     )
 
 
-def _diameter(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+def _diameter(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
     part = attempt.part
     if part is None or part.diameter_passes is None or part.offset_um is None:
         return
     lost = 0.0 if part.diameter_passes else 10.0
-    yield Mark(item=Item.DIAMETER, value=2.0 * abs(part.offset_um), limit=0.0, lost=lost)
+    yield ScoreItem(item=Item.DIAMETER, value=2.0 * abs(part.offset_um), limit=0.0, lost=lost)
 
 
-def _jaw(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+def _jaw(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
     found = attempt.found
     if found.jaw_1_deg is None:
         return
@@ -121,62 +121,62 @@ def _jaw(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
     turned = abs(math.sin(math.radians(0.5 * found.jaws * error_deg)))
     cost_um = None if found.lobe_um_pp is None else 2.0 * found.lobe_um_pp * turned
     lost = _over(error_deg, JAW_WITHIN_DEG, 5.0, 20.0)
-    yield Mark(item=Item.JAW, value=error_deg, limit=JAW_WITHIN_DEG, lost=lost, cost_um=cost_um)
+    yield ScoreItem(item=Item.JAW, value=error_deg, limit=JAW_WITHIN_DEG, lost=lost, cost_um=cost_um)
 
 
-def _touch_off(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+def _touch_off(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
     zero_mm = attempt.found.zero_radius_mm
     if zero_mm is None:
         return
     error_um = 1000.0 * abs(zero_mm - truth.zero_radius_mm)
     lost = _over(error_um, TIP_WITHIN_UM, 0.2, 15.0)
-    yield Mark(item=Item.TOUCH_OFF, value=error_um, limit=TIP_WITHIN_UM, lost=lost)
+    yield ScoreItem(item=Item.TOUCH_OFF, value=error_um, limit=TIP_WITHIN_UM, lost=lost)
 
 
-def _answer(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+def _answer(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
     if attempt.answer is None:
         return
     right = attempt.lesson.right_answer(attempt.seed)
     lost = 0.0 if attempt.answer == right else WRONG_ANSWER
-    yield Mark(item=Item.ANSWER, value=attempt.answer + 1, limit=right + 1, lost=lost)
+    yield ScoreItem(item=Item.ANSWER, value=attempt.answer + 1, limit=right + 1, lost=lost)
 
 
-def _stops(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+def _stops(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
     asked = sum(step in STOPS for step in attempt.lesson.steps) + attempt.faults
     stops = sum(_is_ours(each) for each in attempt.happened)
-    yield Mark(item=Item.STOPS, value=stops, limit=asked, lost=_over(stops, asked, 5.0, 15.0))
+    yield ScoreItem(item=Item.STOPS, value=stops, limit=asked, lost=_over(stops, asked, 5.0, 15.0))
 
 
-def _alarms(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
-    unseen_s = unseen(attempt, now_s)
+def _alarms(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
+    unseen_s = unacknowledged_times_s(attempt, now_s)
     late = sum(each > SEEN_WITHIN_S for each in unseen_s)
     longest_s = max(unseen_s, default=0.0)
-    yield Mark(item=Item.ALARMS, value=longest_s, limit=SEEN_WITHIN_S, lost=min(5.0 * late, 15.0))
+    yield ScoreItem(item=Item.ALARMS, value=longest_s, limit=SEEN_WITHIN_S, lost=min(5.0 * late, 15.0))
 
 
-def _reaction(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+def _reaction(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
     reactions_s = reactions(attempt, now_s)
     if reactions_s:
         longest_s = max(reactions_s)
         lost = _over(longest_s, SEEN_WITHIN_S, 0.1, 10.0)
-        yield Mark(item=Item.REACTION, value=longest_s, limit=SEEN_WITHIN_S, lost=lost)
+        yield ScoreItem(item=Item.REACTION, value=longest_s, limit=SEEN_WITHIN_S, lost=lost)
 
 
-def _time(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[Mark]:
+def _time(attempt: Attempt, truth: Truth, now_s: float) -> Iterable[ScoreItem]:
     minutes, limit = attempt.took_s(now_s) / 60.0, attempt.lesson.minutes
-    yield Mark(item=Item.TIME, value=minutes, limit=limit, lost=_over(minutes, limit, 2.0, 10.0))
+    yield ScoreItem(item=Item.TIME, value=minutes, limit=limit, lost=_over(minutes, limit, 2.0, 10.0))
 
 
-def unseen(attempt: Attempt, now_s: float) -> tuple[float, ...]:
+def unacknowledged_times_s(attempt: Attempt, now_s: float) -> tuple[float, ...]:
     """Return for how long each alarm was not acknowledged, s: one that never was, until the lesson ended."""
     raised: dict[str, float] = {}
     found: list[float] = []
     for each in attempt.happened:
-        if each.what is What.ALARM:
+        if each.what is HappeningKind.ALARM:
             raised.setdefault(each.word, each.at_s)
-        elif each.what is What.SEEN and each.word in raised:
+        elif each.what is HappeningKind.SEEN and each.word in raised:
             found.append(each.at_s - raised.pop(each.word))
-        elif each.what is What.LEFT:
+        elif each.what is HappeningKind.LEFT:
             found += [each.at_s - at_s for at_s in raised.values()]
             raised.clear()
     end_s = attempt.ended_s if attempt.ended_s is not None else now_s - attempt.began_s
@@ -186,28 +186,28 @@ def unseen(attempt: Attempt, now_s: float) -> tuple[float, ...]:
 def reactions(attempt: Attempt, now_s: float) -> tuple[float, ...]:
     """Return how long after each fault something was done about it, s: a stop, an alarm seen, or a step made."""
     end_s = attempt.ended_s if attempt.ended_s is not None else now_s - attempt.began_s
-    acts = [each.at_s for each in attempt.happened if _is_act(each) or each.what is What.LEFT]
-    faults = [each.at_s for each in attempt.happened if each.what is What.FAULT]
+    acts = [each.at_s for each in attempt.happened if _is_act(each) or each.what is HappeningKind.LEFT]
+    faults = [each.at_s for each in attempt.happened if each.what is HappeningKind.FAULT]
     return tuple(min((act for act in acts if act > at_s), default=end_s) - at_s for at_s in faults)
 
 
 def _is_act(each: Happening) -> bool:
     """Whether somebody did something: a step of the machine itself is none."""
-    by_itself = each.what is What.STEP and each.word in BY_ITSELF
-    return _is_ours(each) or (each.what in (What.SEEN, What.STEP) and not by_itself)
+    by_itself = each.what is HappeningKind.STEP and each.word in BY_ITSELF
+    return _is_ours(each) or (each.what in (HappeningKind.SEEN, HappeningKind.STEP) and not by_itself)
 
 
 def _is_ours(each: Happening) -> bool:
     """Whether it is a stop by a key: the controller and the console stop by themselves, too."""
-    return each.what is What.STOP and is_by_key(each.word)
+    return each.what is HappeningKind.STOP and is_by_key(each.word)
 
 
-Judge = Callable[[Attempt, Truth, float], Iterable[Mark]]
+Judge = Callable[[Attempt, Truth, float], Iterable[ScoreItem]]
 JUDGES: Mapping[Item, Judge] = MappingProxyType(
     {
         Item.STEPS: _steps,
-        Item.MET: _met,
-        Item.NEAR: _near,
+        Item.MET: _score_collisions,
+        Item.NEAR: _score_jaw_clearance,
         Item.CONTACT: _contact,
         Item.ROUND: _round,
         Item.DIAMETER: _diameter,

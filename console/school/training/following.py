@@ -10,15 +10,15 @@ from console.session.station.state import Activity, StationState
 
 if TYPE_CHECKING:
     from console.school.training.attempt import Attempt
-    from console.school.training.event import Event
+    from console.school.training.event import LessonEvent
     from console.session.station.commands import Control
 
 
-def followed(attempt: Attempt, control: Control) -> Attempt:
+def follow_attempt(attempt: Attempt, control: Control) -> Attempt:
     """Return the try up to now; the simulated lathe has got the faults that were due."""
     now_s = control.now_s()
-    attempt = attempt.seen(control.state, now_s)
-    for number in attempt.due(now_s):
+    attempt = attempt.see_state(control.state, now_s)
+    for number in attempt.due_events(now_s):
         from console.session.station.commands import InjectFault  # not for the first page
 
         event = attempt.lesson.events[number]
@@ -36,10 +36,10 @@ def _may_be_taken(state: StationState) -> bool:
     return state.controls and state.activity is Activity.READY and snapshot is not None and snapshot.at_rest
 
 
-def _claim(event: Event, holder: int) -> tuple[str, ...]:
+def _claim(event: LessonEvent, holder: int) -> tuple[str, ...]:
     """Return how another host takes control from the holder, and signs as consoles do."""
+    from drivers.lathe.console_role import Signature
     from drivers.lathe.ownership import HIGHEST, exchange_line, signing_line
-    from drivers.lathe.standing import Signature
 
     name, _, host = event.console.partition("@")
     number = SystemRandom().randint(1, HIGHEST)

@@ -18,12 +18,12 @@ from random import Random
 from types import MappingProxyType
 from typing import Any
 
-from console.school.training.event import Event, read_events
+from console.school.training.event import LessonEvent, read_events
 from console.session.stages import Stage
 from console.session.station.state import Activity, StationState
-from drivers.lathe.standing import Standing
+from drivers.lathe.console_role import ConsoleRole
 from drivers.simulator.plant.presets import PLANTS, SEEDS, plant_problems
-from profiles.fields import Field, Kind, read_fields, schema_problem
+from profiles.fields import Field, FieldType, read_fields, schema_problem
 from profiles.files import printable, read_toml
 from profiles.problem import Problem, ProfileError
 from profiles.words.sentences import LANGUAGES
@@ -37,14 +37,14 @@ LEAST_ANSWERS, MOST_ANSWERS = 2, 6
 QUESTION_CAP, ANSWER_CAP = 120, 70
 
 QUESTION_FIELDS = (
-    Field(key="lathes", kind=Kind.TEXTS, default=()),
-    Field(key="answer", kind=Kind.WHOLE, at_least=1, at_most=MOST_ANSWERS, optional=True),
+    Field(key="lathes", kind=FieldType.TEXTS, default=()),
+    Field(key="answer", kind=FieldType.WHOLE, at_least=1, at_most=MOST_ANSWERS, optional=True),
 )
 """Of the lesson: files of lathes of which one is drawn, or the number of the right answer."""
 
 QUESTION_WORDS = (
-    Field(key="question", kind=Kind.TEXT, default="", longest=QUESTION_CAP),
-    Field(key="answers", kind=Kind.TEXTS, default=(), longest=ANSWER_CAP),
+    Field(key="question", kind=FieldType.TEXT, default="", longest=QUESTION_CAP),
+    Field(key="answers", kind=FieldType.TEXTS, default=(), longest=ANSWER_CAP),
 )
 """Of each language."""
 
@@ -101,7 +101,7 @@ def drawn_number(seed: int | None, lathes: Sequence[str]) -> int:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class StateChange:
     """Two states, one after the other; `stage` is that of the cut that was armed last.
 
     `answered` is whether the question of the lesson is.
@@ -112,22 +112,22 @@ class Change:
     stage: Stage | None = None
     answered: bool = False
 
-    def ended(self, activity: Activity) -> bool:
+    def has_ended(self, activity: Activity) -> bool:
         """Whether the station was busy with this, and is no longer."""
         return self.before.activity is activity is not self.now.activity
 
 
-Reached = Callable[[Change], bool]
+Reached = Callable[[StateChange], bool]
 _CUT = "cut"  # of `CutStage`, which is not there for the first page
 
 
-def _cut(stage: Stage) -> Reached:
+def _cut_ended_in(stage: Stage) -> Reached:
     """Return whether a cut of this stage has come to its end."""
 
-    def reached(change: Change) -> bool:
+    def reached(change: StateChange) -> bool:
         cut, whole = change.now.cut, change.now.stop is None
         return (
-            change.ended(Activity.CUTTING)
+            change.has_ended(Activity.CUTTING)
             and whole
             and change.stage is stage
             and cut is not None
@@ -137,34 +137,34 @@ def _cut(stage: Stage) -> Reached:
     return reached
 
 
-def _by_indicator(change: Change) -> bool:
+def _by_indicator(change: StateChange) -> bool:
     jaw = change.now.alignment.jaw
     return jaw is not None and jaw.spread_deg is not None
 
 
-def _skimmed(change: Change) -> bool:
+def _is_skimmed(change: StateChange) -> bool:
     touch_off = change.now.alignment.touch_off
     return touch_off is not None and touch_off.skimmed
 
 
-def _in_cut(change: Change) -> bool:
+def _in_cut(change: StateChange) -> bool:
     cut = change.now.cut
     return change.now.activity is Activity.CUTTING and cut is not None and cut.stage == _CUT
 
 
-def _clamped_lighter(change: Change) -> bool:
+def _clamped_lighter(change: StateChange) -> bool:
     clamping, plain = change.now.alignment.clamping, change.now.uncompensated
     return clamping is not None and plain is not None and clamping.force_n < plain.job.chucking_force_n
 
 
-def _measured_rounder(change: Change) -> bool:
+def _measured_rounder(change: StateChange) -> bool:
     before, now = change.before.uncompensated, change.now.uncompensated
     if before is None or now is None or now is before:
         return False
     return now.result.ront_um < before.result.ront_um
 
 
-def _acknowledged(change: Change) -> bool:
+def _all_acknowledged(change: StateChange) -> bool:
     new = [alarm for alarm in change.before.alarms if not alarm.acknowledged]
     return bool(new) and all(alarm.acknowledged for alarm in change.now.alarms)
 
@@ -177,27 +177,27 @@ MILESTONES: Mapping[str, Reached] = MappingProxyType(
         "jaw_found": lambda change: change.now.alignment.jaw is not None,
         "jaw_by_indicator": _by_indicator,
         "touched_off": lambda change: change.now.alignment.touch_off is not None,
-        "skimmed": _skimmed,
+        "skimmed": _is_skimmed,
         "armed": lambda change: change.now.armed is not None,
         "in_cut": _in_cut,
-        "air_cut": _cut(Stage.AIR),
-        "half_cut": _cut(Stage.PARTIAL),
-        "full_cut": _cut(Stage.FULL),
+        "air_cut": _cut_ended_in(Stage.AIR),
+        "half_cut": _cut_ended_in(Stage.PARTIAL),
+        "full_cut": _cut_ended_in(Stage.FULL),
         "measured": lambda change: change.now.measured is not None,
         "measured_plain": lambda change: change.now.uncompensated is not change.before.uncompensated,
         "held": lambda change: change.now.paused,
         "resumed": lambda change: change.before.paused and not change.now.paused and change.now.moving,
         "stopped": lambda change: change.now.stop is not None,
         "stopped_in_cut": lambda change: change.now.stop is not None and change.now.stop.of_cut,
-        "retracted": lambda change: change.ended(Activity.RETRACTING) and change.now.stop is None,
+        "retracted": lambda change: change.has_ended(Activity.RETRACTING) and change.now.stop is None,
         "recovered": lambda change: change.before.stop is not None and change.now.stop is None,
         "link_lost": lambda change: change.now.activity is Activity.LOST or change.now.lost_link is not None,
         "reconnected": lambda change: change.before.lost_link is not None and change.now.lost_link is None,
-        "acknowledged": _acknowledged,
+        "acknowledged": _all_acknowledged,
         "clamped_lighter": _clamped_lighter,
         "measured_rounder": _measured_rounder,
-        "ousted": lambda change: change.now.standing is Standing.OUSTED,
-        "control_back": lambda change: change.before.standing is not Standing.OWNER and change.now.controls,
+        "ousted": lambda change: change.now.standing is ConsoleRole.OUSTED,
+        "control_back": lambda change: change.before.standing is not ConsoleRole.OWNER and change.now.controls,
         "answered": lambda change: change.answered,
     }
 )
@@ -205,21 +205,21 @@ MILESTONES: Mapping[str, Reached] = MappingProxyType(
 
 
 _FIELDS = (
-    Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
-    Field(key="place", kind=Kind.WHOLE, default=100, at_least=1, at_most=1000),
+    Field(key="schema", kind=FieldType.WHOLE, default=1, at_least=1, at_most=1),
+    Field(key="place", kind=FieldType.WHOLE, default=100, at_least=1, at_most=1000),
     Field(key="minutes", unit="min", at_least=1.0, at_most=60.0),
-    Field(key="plant", kind=Kind.CHOICE, default="mounted", choices=PLANTS),
-    Field(key="seed", kind=Kind.WHOLE, at_least=0, at_most=SEEDS - 1, optional=True),
-    Field(key="blind", kind=Kind.CHOICE, default="no", choices=("yes", "no")),
-    Field(key="job", kind=Kind.TEXT, default="lee-2001-experiment-1"),
-    Field(key="steps", kind=Kind.TEXTS, choices=tuple(MILESTONES)),
-    Field(key="counts", kind=Kind.TEXTS, choices=tuple(Item), default=tuple(Item)),
+    Field(key="plant", kind=FieldType.CHOICE, default="mounted", choices=PLANTS),
+    Field(key="seed", kind=FieldType.WHOLE, at_least=0, at_most=SEEDS - 1, optional=True),
+    Field(key="blind", kind=FieldType.CHOICE, default="no", choices=("yes", "no")),
+    Field(key="job", kind=FieldType.TEXT, default="lee-2001-experiment-1"),
+    Field(key="steps", kind=FieldType.TEXTS, choices=tuple(MILESTONES)),
+    Field(key="counts", kind=FieldType.TEXTS, choices=tuple(Item), default=tuple(Item)),
     *QUESTION_FIELDS,
 )
 _WORDS = (
-    Field(key="title", kind=Kind.TEXT, longest=60),
-    Field(key="goal", kind=Kind.TEXT, longest=WORDS_CAP),
-    Field(key="hints", kind=Kind.TEXTS, longest=WORDS_CAP),
+    Field(key="title", kind=FieldType.TEXT, longest=60),
+    Field(key="goal", kind=FieldType.TEXT, longest=WORDS_CAP),
+    Field(key="hints", kind=FieldType.TEXTS, longest=WORDS_CAP),
     *QUESTION_WORDS,
 )
 
@@ -254,7 +254,7 @@ class Lesson:
     job: str
     steps: tuple[str, ...]
     counts: tuple[str, ...]
-    events: tuple[Event, ...]
+    events: tuple[LessonEvent, ...]
     words: Mapping[str, Words]
     lathes: tuple[str, ...] = ()
     answer: int | None = None

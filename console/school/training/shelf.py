@@ -19,11 +19,11 @@ def own_folder(data: Path) -> Path:
 
 def lessons(own: Path) -> tuple[Shelved, ...]:
     """Return all lessons, in the order of their places; those that cannot be read at the end."""
-    found = [_shelved(path) for path in lesson_paths(own)]
+    found = [_load_lesson_file(path) for path in lesson_paths(own)]
     return tuple(sorted(found, key=lambda each: (_place(each), each[0])))
 
 
-def _shelved(path: Path) -> Shelved:
+def _load_lesson_file(path: Path) -> Shelved:
     try:
         return path.stem, load_lesson(str(path), path.parent)
     except ProfileError as error:

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from console.school.training.attempt import Attempt
-from console.school.training.debrief import FULL, Debrief, Mark
-from console.school.training.happened import Happening
-from console.session.data.kept_files import file_error, folder_name, keep, kept
+from console.school.training.debrief import FULL, Debrief, ScoreItem
+from console.school.training.happenings import Happening
+from console.session.data.kept_files import file_error, folder_name, keep, read_kept_values
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 from profiles.strict_values import read_own, record
@@ -100,7 +100,7 @@ def tries(data: Path, trainee: str | None = None, lesson: str | None = None) -> 
 def told_again(one: Try) -> tuple[Debrief, tuple[Happening, ...]]:
     """Return the debrief of a try that was kept, and what happened in it. Raises ProfileError as `tries`."""
     try:
-        marks = tuple(record(Mark, mark) for mark in one.marks)
+        marks = tuple(record(ScoreItem, mark) for mark in one.marks)
         return Debrief(score=one.score, marks=marks), tuple(record(Happening, each) for each in one.happened)
     except (TypeError, ValueError) as error:
         value = printable(" ".join(str(error).split()))
@@ -151,7 +151,12 @@ def _files(folder: Path) -> list[Path]:
 
 def _read(file: Path) -> Try:
     return read_own(
-        Try, kept(file, UNREADABLE), schema=SCHEMA, code=UNREADABLE, where=printable(str(file)), judge=_judge
+        Try,
+        read_kept_values(file, UNREADABLE),
+        schema=SCHEMA,
+        code=UNREADABLE,
+        where=printable(str(file)),
+        judge=_judge,
     )
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from console.school.training.debrief import Mark
-from console.school.training.happened import Happening, What
+from console.school.training.debrief import ScoreItem
+from console.school.training.happenings import Happening, HappeningKind
 from console.school.training.lesson import Item
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
@@ -21,7 +21,7 @@ _DIGITS = {
 }
 
 
-def mark_words(mark: Mark, text: Catalogue, answers: Sequence[str] = ()) -> str:
+def mark_words(mark: ScoreItem, text: Catalogue, answers: Sequence[str] = ()) -> str:
     """Return one mark: what it was, what is right, and what it leaves on the part.
 
     `answers` are those to the question of the lesson; without them an answer is its number.
@@ -39,15 +39,15 @@ def mark_words(mark: Mark, text: Catalogue, answers: Sequence[str] = ()) -> str:
 def happening_words(each: Happening, text: Catalogue) -> str:
     """Return what happened."""
     match each.what:
-        case What.STEP:
+        case HappeningKind.STEP:
             words = text(f"train_page.step.{each.word}")
-        case What.STOP:
+        case HappeningKind.STOP:
             words = text.reason(each.word)
-        case What.FAULT:  # its settings are not for people
+        case HappeningKind.FAULT:  # its settings are not for people
             words = text(f"fault.{each.word.split()[0]}")
-        case What.MET:
+        case HappeningKind.MET:
             words = text.problem(collision_problems([each.word])[0])
-        case What.PART:
+        case HappeningKind.PART:
             words = each.word
         case _:
             words = each.word if each.problem is None else text.problem(each.problem)

@@ -91,11 +91,11 @@ def lesson_words(practice: Practice, steps: tuple[str, ...], text: Catalogue) ->
         comes=comes_words(practice, text),
     )
     return Words(
-        title=_short(text("practice.title", what=what), LONGEST_TITLE),
-        goal=_short(goal, LONGEST_GOAL),
+        title=_shorten_words(text("practice.title", what=what), LONGEST_TITLE),
+        goal=_shorten_words(goal, LONGEST_GOAL),
         hints=tuple(text(f"practice.hint.{step}") for step in steps),
     )
 
 
-def _short(words: str, longest: int) -> str:
+def _shorten_words(words: str, longest: int) -> str:
     return words if len(words) <= longest else f"{words[: longest - 1].rstrip()}…"

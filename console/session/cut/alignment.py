@@ -48,7 +48,7 @@ class AlignStep(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mounted:
+class MountedEquipment:
     """Tool, chuck and machine now mounted, by the names in the profile; "" where it gives none."""
 
     machine: str = ""
@@ -79,7 +79,7 @@ class JawAngle:
     angle_deg: float
     jaws: int
     at: str
-    on: Mounted = Mounted()
+    on: MountedEquipment = MountedEquipment()
     spread_deg: float | None = None
 
 
@@ -93,7 +93,7 @@ class TouchOff:
     zero_radius_mm: float
     diameter_mm: float
     at: str
-    on: Mounted = Mounted()
+    on: MountedEquipment = MountedEquipment()
     skimmed: bool = False
 
 
@@ -117,7 +117,7 @@ class Alignment:
     flanks: tuple[float, ...] = ()
     skim_counts: float | None = None
     lost: tuple[Problem, ...] = ()
-    on: Mounted = Mounted()
+    on: MountedEquipment = MountedEquipment()
     readings: ClampReadings | None = None
     tables: tuple[Problem, ...] = ()
 
@@ -144,9 +144,9 @@ def held_by(tables: tuple[Problem, ...]) -> tuple[Problem, ...]:
     return tuple(each for each in tables if each.code == "cut.table_holds")
 
 
-def mounted_on(machine: MachineProfile) -> Mounted:
+def mounted_on(machine: MachineProfile) -> MountedEquipment:
     """Return the tool and chuck mounted on a machine according to its profile."""
-    return Mounted(machine=machine.name, chuck=machine.chuck.name, tool=machine.tool.name)
+    return MountedEquipment(machine=machine.name, chuck=machine.chuck.name, tool=machine.tool.name)
 
 
 def clamping_of(job: Job, at: str) -> Clamping:
@@ -154,7 +154,7 @@ def clamping_of(job: Job, at: str) -> Clamping:
     return Clamping(force_n=job.chucking_force_n, at=at, **{key: getattr(job, key) for key in _BLANK})
 
 
-def observed(
+def observe_poll(
     alignment: Alignment, *, drives_on: bool, homed: bool, at: str, chuck_open: bool = False
 ) -> Alignment:
     """Return the alignment after a status poll. Without home, jaw 1 and the touch-off mean nothing.
@@ -162,23 +162,23 @@ def observed(
     `chuck_open` is what the controller senses of the chuck, where it can.
     """
     if chuck_open:
-        alignment = unclamped(alignment, at)
+        alignment = unclamp_blank(alignment, at)
     if alignment.drives_on == drives_on and alignment.homed == homed:
         return alignment
     after = replace(alignment, drives_on=drives_on, homed=homed)
     if homed:
-        return _settled(after, "alignment.home_lost")
+        return _drop_losses(after, "alignment.home_lost")
     after = replace(after, flanks=(), skim_counts=None)
     if alignment.homed and (alignment.jaw or alignment.touch_off):
-        return _without(replace(after, jaw=None, touch_off=None), Problem(code="alignment.home_lost", value=at))
+        return _add_loss(replace(after, jaw=None, touch_off=None), Problem(code="alignment.home_lost", value=at))
     return after
 
 
-def unclamped(alignment: Alignment, at: str) -> Alignment:
+def unclamp_blank(alignment: Alignment, at: str) -> Alignment:
     """Return the alignment after the chuck was opened."""
     if alignment.clamping is None:
         return alignment
-    return _without(
+    return _add_loss(
         replace(alignment, clamping=None, skim_counts=None, readings=None),
         Problem(code="alignment.unclamped", value=at),
     )
@@ -188,19 +188,19 @@ def after_last_cut(alignment: Alignment, *, ended_early: bool) -> Alignment:
     """Return the alignment where the part in the chuck may be cut in part, until a clamping is confirmed."""
     if alignment.clamping is not None:
         return alignment
-    known = _settled(alignment, ENDED_EARLY)
-    return _without(known, Problem(code=ENDED_EARLY)) if ended_early else known
+    known = _drop_losses(alignment, ENDED_EARLY)
+    return _add_loss(known, Problem(code=ENDED_EARLY)) if ended_early else known
 
 
-def clamped(alignment: Alignment, job: Job, at: str) -> Alignment:
+def clamp_blank(alignment: Alignment, job: Job, at: str) -> Alignment:
     """Return the alignment with the blank of a job; a change of jaws requires finding jaw 1 again."""
     before = alignment.jaw or alignment.clamping
     flanks = alignment.flanks if before is None or before.jaws == job.jaws else ()
     fresh = replace(alignment, clamping=clamping_of(job, at), skim_counts=None, flanks=flanks, readings=None)
-    fresh = _settled(fresh, ENDED_EARLY, "alignment.unclamped", HANDED_OVER, NOT_KEPT)
+    fresh = _drop_losses(fresh, ENDED_EARLY, "alignment.unclamped", HANDED_OVER, NOT_KEPT)
     if alignment.jaw is None or alignment.jaw.jaws == job.jaws:
         return fresh
-    return _without(replace(fresh, jaw=None), Problem(code="alignment.jaws_changed", value=at))
+    return _add_loss(replace(fresh, jaw=None), Problem(code="alignment.jaws_changed", value=at))
 
 
 def jaw_found(
@@ -208,12 +208,12 @@ def jaw_found(
 ) -> Alignment:
     """Return the alignment with jaw 1 at an angle from the index, for this number of jaws."""
     stamp = JawAngle(angle_deg=angle_deg % 360.0, jaws=jaws, at=at, on=alignment.on, spread_deg=spread_deg)
-    return _settled(replace(alignment, jaw=stamp, flanks=()), "alignment.jaws_changed")
+    return _drop_losses(replace(alignment, jaw=stamp, flanks=()), "alignment.jaws_changed")
 
 
 def touched_off(alignment: Alignment, stamp: TouchOff) -> Alignment:
     """Return the alignment with the radius of the tool tip found."""
-    return _settled(replace(alignment, touch_off=stamp, skim_counts=None), "alignment.retuned")
+    return _drop_losses(replace(alignment, touch_off=stamp, skim_counts=None), "alignment.retuned")
 
 
 def without_reading(alignment: Alignment) -> Alignment:
@@ -230,12 +230,12 @@ def handed_over(alignment: Alignment, at: str, code: str = HANDED_OVER) -> Align
     alignment = replace(alignment, flanks=(), skim_counts=None, readings=None)
     if alignment.clamping is None and alignment.jaw is None and alignment.touch_off is None:
         return alignment
-    kept = _lost(alignment, ENDED_EARLY)
+    kept = _find_losses(alignment, ENDED_EARLY)
     gone = replace(alignment, clamping=None, jaw=None, touch_off=None, lost=kept)
-    return _without(gone, Problem(code=code, value=at))
+    return _add_loss(gone, Problem(code=code, value=at))
 
 
-def retuned(alignment: Alignment, at: str) -> Alignment:
+def invalidate_retuned_tool(alignment: Alignment, at: str) -> Alignment:
     """Return the alignment after other gains of the tool: under force it stands elsewhere than it did.
 
     Home is an index pulse, jaw 1 an angle of the spindle: neither depends on the loop of the tool.
@@ -243,7 +243,7 @@ def retuned(alignment: Alignment, at: str) -> Alignment:
     alignment = replace(alignment, skim_counts=None)
     if alignment.touch_off is None:
         return alignment
-    return _without(replace(alignment, touch_off=None), Problem(code="alignment.retuned", value=at))
+    return _add_loss(replace(alignment, touch_off=None), Problem(code="alignment.retuned", value=at))
 
 
 def step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Problem, ...]:
@@ -272,7 +272,7 @@ def _step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Pro
         case AlignStep.DRIVES:
             return () if alignment.drives_on else (Problem(code="alignment.drives_off"),)
         case AlignStep.HOME:
-            lost = (*_lost(alignment, "alignment.home_lost"), Problem(code="alignment.not_homed"))
+            lost = (*_find_losses(alignment, "alignment.home_lost"), Problem(code="alignment.not_homed"))
             return () if alignment.homed else lost
         case AlignStep.JAW:
             return _jaw(alignment, job)
@@ -350,7 +350,7 @@ def _clamp(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
     clamping = alignment.clamping
     if clamping is None:
         return (
-            *_lost(alignment, ENDED_EARLY, "alignment.unclamped", HANDED_OVER, NOT_KEPT),
+            *_find_losses(alignment, ENDED_EARLY, "alignment.unclamped", HANDED_OVER, NOT_KEPT),
             Problem(code="alignment.no_clamping"),
             *force_problems(job),
         )
@@ -368,7 +368,7 @@ def _clamp(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
 def _jaw(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
     jaw = alignment.jaw
     if jaw is None:
-        return (*_lost(alignment, "alignment.jaws_changed"), Problem(code="alignment.no_jaw"))
+        return (*_find_losses(alignment, "alignment.jaws_changed"), Problem(code="alignment.no_jaw"))
     if jaw.jaws != job.jaws:
         return (Problem(code="alignment.jaw_of_others", key="jaws", value=str(jaw.jaws), limit=str(job.jaws)),)
     return _mounted_otherwise(alignment, jaw.on, "machine", "chuck")
@@ -377,14 +377,14 @@ def _jaw(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
 def _touch_off(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
     touched = alignment.touch_off
     if touched is None:
-        return (*_lost(alignment, "alignment.retuned"), Problem(code="alignment.no_touch_off"))
+        return (*_find_losses(alignment, "alignment.retuned"), Problem(code="alignment.no_touch_off"))
     if touched.diameter_mm != job.diameter_mm:
         value, limit = f"D {touched.diameter_mm:.3f} mm", f"D {job.diameter_mm:.3f} mm"
         return (Problem(code="alignment.touched_otherwise", key="diameter_mm", value=value, limit=limit),)
     return _mounted_otherwise(alignment, touched.on, "machine", "tool")
 
 
-def _mounted_otherwise(alignment: Alignment, stamped: Mounted, *names: str) -> tuple[Problem, ...]:
+def _mounted_otherwise(alignment: Alignment, stamped: MountedEquipment, *names: str) -> tuple[Problem, ...]:
     pairs = ((f"{name}.name", getattr(stamped, name), getattr(alignment.on, name)) for name in names)
     return tuple(
         Problem(code="alignment.mounted_otherwise", key=key, value=f'"{then}"', limit=f'"{now}"')
@@ -393,15 +393,15 @@ def _mounted_otherwise(alignment: Alignment, stamped: Mounted, *names: str) -> t
     )
 
 
-def _without(alignment: Alignment, why: Problem) -> Alignment:
+def _add_loss(alignment: Alignment, why: Problem) -> Alignment:
     """Return the alignment with one more reason why a stamp was lost, the newest of its kind."""
-    return replace(alignment, lost=(*_settled(alignment, why.code).lost, why))
+    return replace(alignment, lost=(*_drop_losses(alignment, why.code).lost, why))
 
 
-def _settled(alignment: Alignment, *codes: str) -> Alignment:
+def _drop_losses(alignment: Alignment, *codes: str) -> Alignment:
     """Return the alignment without these reasons: the stamps they concern are valid again."""
     return replace(alignment, lost=tuple(each for each in alignment.lost if each.code not in codes))
 
 
-def _lost(alignment: Alignment, *codes: str) -> tuple[Problem, ...]:
+def _find_losses(alignment: Alignment, *codes: str) -> tuple[Problem, ...]:
     return tuple(problem for problem in alignment.lost if problem.code in codes)

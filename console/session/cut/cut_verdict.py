@@ -33,7 +33,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from drivers.cutting.corrected import source_is_late
+from drivers.cutting.corrected_motion import source_is_late
 from drivers.cutting.path_seen import TIMES_USUAL
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -102,7 +102,7 @@ class ToolError:
     independent: float
 
     @property
-    def counted(self) -> tuple[int, ...]:
+    def significant_orders(self) -> tuple[int, ...]:
         """Orders of 2 and more that stand out from the scatter; of once a turn the part is only eccentric."""
         return tuple(
             n for n, each in self.orders.items() if n >= 2 and abs(each) > WORTH_TELLING * self.orders_se_um[n]
@@ -113,14 +113,15 @@ class ToolError:
         """Height, peak to peak, of all counted orders together: what the tool takes of the roundness."""
         angle = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
         height = sum(
-            (np.real(self.orders[n] * np.exp(1j * n * angle)) for n in self.counted), np.zeros_like(angle)
+            (np.real(self.orders[n] * np.exp(1j * n * angle)) for n in self.significant_orders),
+            np.zeros_like(angle),
         )
         return float(np.ptp(height))
 
     @property
     def roundness_within_um(self) -> float:
         """Uncertainty of `roundness_um`; without a counted order that of the least certain one."""
-        errors = [self.orders_se_um[n] for n in self.counted]
+        errors = [self.orders_se_um[n] for n in self.significant_orders]
         worst = max((each for n, each in self.orders_se_um.items() if n >= 2), default=math.inf)
         return 2.0 * SURE * (math.hypot(*errors) if errors else worst)
 
@@ -152,11 +153,11 @@ def fit_tool_error(turns: Floats, places: Floats, error_um: Floats, lobes: int) 
         orders = range(1, last + 1)
         found = fit(harmonic_columns(2.0 * np.pi * turns, orders, *trends), error_um)
         if found.condition < MOST_CONDITION:
-            return _told(found, trends, orders)
+            return _estimate_tool_error(found, trends, orders)
     return None
 
 
-def _told(found: Fit, trends: list[Floats], orders: range) -> ToolError:
+def _estimate_tool_error(found: Fit, trends: list[Floats], orders: range) -> ToolError:
     left, count = found.residuals, len(found.residuals)
     squares = float(left @ left)
     alike = min(max(float(left[1:] @ left[:-1]) / squares, 0.0), 0.95) if squares > 0.0 else 0.0
@@ -218,7 +219,7 @@ class CutVerdict:
             return CutJudgement.DISTURBED
         if any(True for _ in self.tool_problems):
             return CutJudgement.TOOL_ERROR
-        return CutJudgement.AS_PLANNED if self.unproven is None else CutJudgement.NOT_PROVEN
+        return CutJudgement.AS_PLANNED if self.budget_problem is None else CutJudgement.NOT_PROVEN
 
     @property
     def proven(self) -> bool:
@@ -229,7 +230,9 @@ class CutVerdict:
     def problems(self) -> tuple[Problem, ...]:
         """The statements about the cut; for a cut as planned only that no witness saw it."""
         found = (*self.changes, *(() if self.command_problem is None else (self.command_problem,)))
-        found = found or tuple(self.tool_problems) or (() if self.unproven is None else (self.unproven,))
+        found = (
+            found or tuple(self.tool_problems) or (() if self.budget_problem is None else (self.budget_problem,))
+        )
         without = self.unwitnessed
         return found if without is None or without in found else (*found, without)
 
@@ -255,13 +258,13 @@ class CutVerdict:
     @property
     def tool_problems(self) -> Iterator[Problem]:
         """Yield what of the tool's own error is surely beyond its budget."""
-        for code, off_um, within_um, limit_um in self._judged:
+        for code, off_um, within_um, limit_um in self._list_limits:
             if off_um - within_um > limit_um:
                 value, limit = f"{off_um:.1f} ± {within_um:.1f} um", f"{limit_um:.3g} um"
                 yield Problem(code=code, key=AxisName.TOOL, value=value, limit=limit)
 
     @property
-    def unproven(self) -> Problem | None:
+    def budget_problem(self) -> Problem | None:
         """Why the tool is not proven to be within its budget all the time; None if it is.
 
         A controller without a witness proves as much as its polls do.
@@ -270,14 +273,14 @@ class CutVerdict:
             return self.unwitnessed
         if self.tool is None or self.command is None:
             return Problem(code="cut.too_few_polls", value=f"{self.polls}")
-        for _, off_um, within_um, limit_um in self._judged:
+        for _, off_um, within_um, limit_um in self._list_limits:
             if off_um + within_um > limit_um:
                 value, limit = f"{off_um:.1f} ± {within_um:.1f} um", f"{limit_um:.3g} um"
                 return Problem(code="cut.not_proven", key=AxisName.TOOL, value=value, limit=limit)
         return None
 
     @property
-    def _judged(self) -> Iterator[tuple[str, float, float, float]]:
+    def _list_limits(self) -> Iterator[tuple[str, float, float, float]]:
         if self.tool is None:
             return
         yield "cut.tool_not_round", self.tool.roundness_um, self.tool.roundness_within_um, self.round_limit_um
@@ -325,13 +328,21 @@ class ToolPolls:
     def see(self, snapshot: Snapshot, *, trimmed: bool = False) -> None:
         """Take a poll of the program; `trimmed` by this console, the place of the tool is without that."""
         self._trimmed = self._trimmed or trimmed
-        at, tool = snapshot.carriage.commanded, snapshot.tool
+        at, tool = snapshot.carriage.commanded_position, snapshot.tool
         self._over = self._over or at > self._last
         if not self._over and at > self._first and snapshot.program_running:
             took_s, middle_s = snapshot.at_s - snapshot.asked_s, 0.5 * (snapshot.at_s + snapshot.asked_s)
             spindle, z = snapshot.spindle, snapshot.carriage.position
             self._rows.append(
-                (took_s, middle_s, spindle.position, z, tool.position, tool.commanded, spindle.commanded)
+                (
+                    took_s,
+                    middle_s,
+                    spindle.position,
+                    z,
+                    tool.position,
+                    tool.commanded_position,
+                    spindle.commanded_position,
+                )
             )
 
     @property
@@ -358,7 +369,7 @@ class ToolPolls:
             if self._machine.spindle.followed and plan.strategy.traits.inverts:
                 turns = turns + self._skew_turns(turns, infeed_um[:, 1], cycle_deg)
             ordered = rows[:, 6] / self._machine.spindle.counts_per_rev if self._turns_spindle else turns
-            path_um, command_um = self._planned(turns, ordered, past_mm, cycle_deg)
+            path_um, command_um = self._planned_positions(turns, ordered, past_mm, cycle_deg)
             error = fit_tool_error(turns, past_mm, infeed_um[:, 0] - path_um, job.jaws)
             command_error = fit_tool_error(ordered, past_mm, infeed_um[:, 1] - command_um, job.jaws)
             moment = self._moment(infeed_um[:, 1] - command_um, rows[:, 3])
@@ -416,7 +427,7 @@ class ToolPolls:
 
         Its angle is not of the servo cycle of the other axes. What is more than that is left to be judged.
         """
-        path, lobes = self._plan.command.turned(self._late_deg(cycle_deg)), self._plan.command.lobes
+        path, lobes = self._plan.command.turn_by(self._late_deg(cycle_deg)), self._plan.command.lobes
         found = fit(harmonic_columns(2.0 * np.pi * turns, (lobes,)), commanded_um)
         expected = path.harmonics[0].coefficient
         if not expected:
@@ -430,7 +441,9 @@ class ToolPolls:
         plan = self._plan
         return plan.table is None and plan.clock is None and not self._machine.spindle.followed
 
-    def _planned(self, turns: Floats, ordered: Floats, past_mm: Floats, cycle_deg: float) -> tuple[Floats, Floats]:
+    def _planned_positions(
+        self, turns: Floats, ordered: Floats, past_mm: Floats, cycle_deg: float
+    ) -> tuple[Floats, Floats]:
         """Return where the plan has the tool and its command at each poll, um of infeed.
 
         The part is made by the angle of the spindle, the command by the one `ordered`: a spindle of uneven speed

@@ -21,7 +21,7 @@ from console.session.errors import SessionError, refuse
 from drivers.cutting.bounds import UNTRIMMED
 from drivers.cutting.feed_hold import MOST_HELD_S, HoldLedger, turns_back
 from drivers.cutting.guarding import CutLength, cut_guard, end_problems, further_held
-from drivers.cutting.live_trim import untrimmed
+from drivers.cutting.live_trim import subtract_trim
 from drivers.cutting.override import PaceLedger
 from drivers.cutting.path_seen import CutBefore, PathSeen
 from drivers.cutting.planning import CutPlan
@@ -46,7 +46,7 @@ SPINDLE_TIMEOUT_S = 120.0
 STILL_RPM = 0.1
 
 
-class Step(StrEnum):
+class PartStep(StrEnum):
     """Steps of a part in order."""
 
     LOAD = "load"
@@ -58,7 +58,7 @@ class Step(StrEnum):
     MEASURE = "measure"
 
 
-Tell = Callable[[Step, str], None]
+Tell = Callable[[PartStep, str], None]
 """Called at the beginning of every step, with a detail that needs no translation."""
 
 See = Callable[[Snapshot], None]
@@ -141,7 +141,7 @@ def load(context: CutContext, plan: CutPlan, tell: Tell, *, aligned: bool) -> No
     lathe = context.lathe
     refuse(lathe.program.tables_left())  # none may add to the tool position, or have left an offset
     lathe.program.load(plan.program, plan.axis_definitions, plan.restore)
-    tell(Step.CHECK, f"PROG {plan.program.number}")
+    tell(PartStep.CHECK, f"PROG {plan.program.number}")
     refuse(_unready(lathe, plan, at_start=False) if aligned else lathe.verify())
 
 
@@ -171,20 +171,20 @@ def cut(
     _refuse_changed(context, plan)
     _go_to_start(lathe, plan, settle_tool=settle_tool)
     _turn(context, job.spindle_speed_rpm)
-    tell(Step.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
+    tell(PartStep.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
     allowed = context.commissioned(lathe.snapshot())
     refuse(_unready(lathe, plan, at_start=True), allowed, at_speed(lathe, job))
     refuse(_changes(lathe, plan))  # somebody else may have changed what was loaded
-    tell(Step.CUT, f"{plan.duration_s:.1f} s")
+    tell(PartStep.CUT, f"{plan.duration_s:.1f} s")
     figures = _recorded_run(context, job, plan, see, touched_mm)
     if figures is None and not lathe.program.held:
         raise SessionError(nothing_seen(job))
     refuse(lathe.program.tables_left())  # none may add to the tool position, or have left an offset
-    tell(Step.RETRACT, "")
+    tell(PartStep.RETRACT, "")
     last = lathe.snapshot()
     if not last.at_rest or not tool_clear(last, plan):
         axis, places = AxisName.TOOL, (last.tool.position, _clear_of(plan))
-        value, limit = (Lengths(lathe.machine).at(axis, place) for place in places)
+        value, limit = (Lengths(lathe.machine).format_position(axis, place) for place in places)
         raise SessionError(Problem(code="machine.not_retracted", key=axis, value=value, limit=f"< {limit}"))
     _turn(context, 0.0)
     lathe.stop.check()  # a stop at the last moment must not be lost in a report
@@ -204,7 +204,7 @@ def _recorded_run(context: CutContext, job: Job, plan: CutPlan, see: See, touche
     finally:
         recorder.end()
     if figures is not None:
-        recorder.judged(figures.verdict)
+        recorder.record_verdict(figures.verdict)
     return figures
 
 
@@ -218,10 +218,13 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
     """
     lathe, held_s = context.lathe, context.held_s()
     telemetry = Telemetry(plan, lathe.machine, job)
-    length, path = CutLength(plan, lathe.machine), PathSeen(plan, lathe.machine, _before(lathe, plan, touched_mm))
+    length, path = (
+        CutLength(plan, lathe.machine),
+        PathSeen(plan, lathe.machine, _find_earlier_cut(lathe, plan, touched_mm)),
+    )
     tool, guard = ToolPolls(plan, lathe.machine, job), cut_guard(plan, lathe.machine)
     ledger = HoldLedger(lathe.machine.spindle.counts_per_rev, turns_back(plan, lathe.machine))
-    guard.expected_percent, pace = lathe.program.override.expected, PaceLedger(plan.setup.carriage_face)
+    guard.expected_percent, pace = lathe.program.override.expected_range, PaceLedger(plan.setup.carriage_face)
 
     def polled(snapshot: Snapshot) -> None:
         lathe.program.hold.read()
@@ -238,7 +241,7 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
             telemetry.see(unheld, holding=lathe.program.held)
             if not lathe.program.held:  # while retracting, the tool is on no path of a turn
                 trim = lathe.program.live_trim.applied
-                as_planned = untrimmed(unheld, plan, lathe.machine, trim)
+                as_planned = subtract_trim(unheld, plan, lathe.machine, trim)
                 path.see(as_planned)
                 tool.see(as_planned, trimmed=trim != UNTRIMMED)
         see(snapshot)
@@ -256,7 +259,7 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
     return figures and replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm, verdict=verdict)
 
 
-def _before(lathe: Lathe, plan: CutPlan, touched_mm: float) -> CutBefore | None:
+def _find_earlier_cut(lathe: Lathe, plan: CutPlan, touched_mm: float) -> CutBefore | None:
     """Return how far the blank was cut before: the controller ends a cut whose host is lost some turns later."""
     if not touched_mm:
         return None

@@ -19,8 +19,8 @@ from profiles.compensations.force_null import (
     FULL_CHIP_TURNS,
     ExpectedForce,
     ForceNull,
+    ForceNullReason,
     ForceRecord,
-    Why,
     force_null,
     unknown,
 )
@@ -58,7 +58,7 @@ class ForceWatch:
         seconds = (air_turns + FULL_CHIP_TURNS + CUT_TURNS) * turn_s
         period = max(1, math.ceil(seconds / cycle_s / MOST_SAMPLES))
         first = setup.carriage_start + (clear_turns - air_turns) * setup.carriage_per_turn
-        self._tried(
+        self._try_step(
             lambda: self._gather.prepare(
                 plan, math.floor(turn_s / (period * cycle_s)), seconds, self._take, thrust=True, from_counts=first
             )
@@ -70,7 +70,7 @@ class ForceWatch:
         Nothing is fetched in the cut: fewer polls would judge it, and a short one would be refused for that.
         """
         if self._plan is not None and not self._failed and not self._gather.fetching:
-            self._tried(lambda: self._gather.see(snapshot))
+            self._try_step(lambda: self._gather.see(snapshot))
 
     def result(self) -> ForceNull:
         """Fetch the rest, with a poll before each piece, and judge it; the machine rests.
@@ -82,18 +82,18 @@ class ForceWatch:
         while self._batch is None and not self._failed and self._gather.fetching and now_s < until_s:
             now_s = self._lathe.snapshot().at_s
             self._lathe.stop.check()
-            self._tried(lambda: self._gather.fetch_at_rest(WORDS_AT_REST))
+            self._try_step(lambda: self._gather.fetch_at_rest(WORDS_AT_REST))
         if self._plan is None:
-            return unknown(self._job.jaws, Why.NOT_GATHERED)
+            return unknown(self._job.jaws, ForceNullReason.NOT_GATHERED)
         self._gather.give_back()
         if self._batch is None:
-            return unknown(self._plan.target.lobes, Why.NOT_GATHERED)
-        return judged(self._batch, self._plan, self._job, self._lathe.machine)
+            return unknown(self._plan.target.lobes, ForceNullReason.NOT_GATHERED)
+        return judge_force_window(self._batch, self._plan, self._job, self._lathe.machine)
 
     def _take(self, batch: Batch) -> None:
         self._batch = batch
 
-    def _tried(self, work: Callable[[], None]) -> None:
+    def _try_step(self, work: Callable[[], None]) -> None:
         """Do a step of the gathering; a controller that does not gather ends the check, and not the cut."""
         try:
             work()
@@ -105,7 +105,7 @@ class ForceWatch:
             self._failed = True
 
 
-def judged(batch: Batch, plan: CutPlan, job: Job, machine: MachineProfile) -> ForceNull:
+def judge_force_window(batch: Batch, plan: CutPlan, job: Job, machine: MachineProfile) -> ForceNull:
     """Return what a gathered half-stage cut says of sign and angle."""
     lobe = plan.target.harmonics[0]
     past_mm = (plan.setup.carriage_face - plan.setup.carriage_middle) / machine.carriage.counts_per_mm

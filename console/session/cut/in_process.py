@@ -22,7 +22,7 @@ def simulated_context(
     simulated = SimulatedLathe(machine, true)
     link: Link = MemoryLink(simulated.connect(), simulated)
     if tracing is not None:
-        link = tracing.of(link, simulated.now_s)
+        link = tracing.trace_link(link, simulated.now_s)
     client = PmacClient(link, simulated)
     lathe = Lathe(client, machine, simulated, StopPath(link), heartbeat=Heartbeat(client, simulated, machine))
     return CutContext(lathe=lathe, workshop=simulated, sets_spindle=machine.spindle.followed), simulated

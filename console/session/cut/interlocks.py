@@ -80,12 +80,12 @@ def of_machine(
         Problem(
             code="machine.not_at_start",
             key=axis,
-            value=lengths.at(axis, state.commanded),
-            limit=lengths.around(axis, starts[axis], START_BAND_COUNTS),
+            value=lengths.format_position(axis, state.commanded_position),
+            limit=lengths.format_tolerance(axis, starts[axis], START_BAND_COUNTS),
         )
         for axis, state in zip(snapshot.driven, snapshot.driven_axes, strict=True)
         # A program continues from the commanded position; friction may still hold the axis back from it.
-        if abs(state.commanded - starts[axis]) > START_BAND_COUNTS
+        if abs(state.commanded_position - starts[axis]) > START_BAND_COUNTS
     )
     expected = {
         "machine.not_enabled": snapshot.loops_closed,

@@ -45,13 +45,13 @@ class CutRecorder:
     def end(self) -> None:
         """End the cut, however it ended."""
 
-    def judged(self, verdict: CutVerdict) -> None:
+    def record_verdict(self, verdict: CutVerdict) -> None:
         """Take the verdict on the cut that has ended."""
 
-    def gathered(self, batch: Batch) -> None:
+    def record_window(self, batch: Batch) -> None:
         """Take a window that the controller has sampled."""
 
-    def measured(self, job: Job, trace: Trace) -> None:
+    def record_measured_part(self, job: Job, trace: Trace) -> None:
         """Take the measured part of the last cut; this alone may wait, and raise SessionError `record.lost`."""
 
 
@@ -80,16 +80,16 @@ class LogRecorder(CutRecorder):
         """End the telemetry of the cut."""
         self._log.end_cut()
 
-    def judged(self, verdict: CutVerdict) -> None:
+    def record_verdict(self, verdict: CutVerdict) -> None:
         """Note whether the part of this cut can be judged."""
         self._proven = verdict.proven
 
-    def gathered(self, batch: Batch) -> None:
+    def record_window(self, batch: Batch) -> None:
         """Add a gathered window."""
         past_mm = np.full_like(batch.infeed_um, batch.past_middle_mm)
-        self._log.gathered(self._name, np.column_stack([batch.angle_deg / 360.0, past_mm, batch.infeed_um]))
+        self._log.add_window(self._name, np.column_stack([batch.angle_deg / 360.0, past_mm, batch.infeed_um]))
 
-    def measured(self, job: Job, trace: Trace) -> None:
+    def record_measured_part(self, job: Job, trace: Trace) -> None:
         """Keep the part of the last cut."""
         self._keep(job, trace, part=self._name, product=self._product, proven=self._proven)
 

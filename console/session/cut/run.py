@@ -10,20 +10,20 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from console.session.cut.engine import CutContext, CutEnd, Step, Tell, cut, load, nothing_seen, tool_clear
+from console.session.cut.engine import CutContext, CutEnd, PartStep, Tell, cut, load, nothing_seen, tool_clear
 from console.session.cut.force_watch import ForceWatch
 from console.session.cut.interlocks import of_job, of_lobe, of_zero
 from console.session.cut.telemetry import CutFigures
 from console.session.cut.trip_cause import with_cause
 from console.session.errors import SessionError, fault_problem, refuse
-from console.session.stages import Stage, air_mm, staged
+from console.session.stages import Stage, air_mm, scale_path_to_stage
 from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.errors import LinkError
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
 from profiles.compensations.force_null import ForceNull
-from profiles.compensations.path import CutPath, Expected, expected
+from profiles.compensations.path import CutPath, ExpectedResidual, expect_residual
 from profiles.findings import Severity, refusals
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -35,7 +35,7 @@ from profiles.traces import Trace
 FILTER_UPR = 50.0  # cut-off of the roundness filter for the comparison of before and after
 _PARTS = {Stage.AIR: "air", Stage.PARTIAL: "partial", Stage.FULL: "after"}
 
-TellPart = Callable[[str, Step, str], None]
+TellPart = Callable[[str, PartStep, str], None]
 """Called at each step with the part, the step, and a detail that needs no translation."""
 
 
@@ -60,10 +60,10 @@ class RunPlan:
     fingerprint: str = ""
 
     @property
-    def expected(self) -> Expected | None:
+    def expected_residual(self) -> ExpectedResidual | None:
         """Expected remaining lobe of a part cut with a fraction of its compensation; None otherwise."""
         whole_um_pp = 2.0 * self.cut.target.amplitude_um / self.stage.fraction
-        return expected(whole_um_pp, self.stage.fraction) if self.stage is Stage.PARTIAL else None
+        return expect_residual(whole_um_pp, self.stage.fraction) if self.stage is Stage.PARTIAL else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +124,7 @@ def refuse_unplannable(
     refuse(of_job(job, machine, where).problems, lobe.problems, zero, *also)
 
 
-def planned(
+def plan_stage(
     job: Job,
     machine: MachineProfile,
     strategy: Strategy,
@@ -144,7 +144,7 @@ def planned(
         ts_ms=ts_ms,
         from_turn=from_turn,
         watchdog=watchdog,
-        path=staged(job, machine, strategy, stage, path),
+        path=scale_path_to_stage(job, machine, strategy, stage, path),
         air_mm=air_mm(job, stage),
         trimmed=trimmed,
     )
@@ -175,12 +175,12 @@ def plan_run(
     been touched.
     """
     refuse_unplannable(job, machine, strategy, jaw_found=False, simulated=simulated, where=where)
-    cut = planned(job, machine, strategy, stage, path, watchdog=watchdog, ts_ms=ts_ms)
+    cut = plan_stage(job, machine, strategy, stage, path, watchdog=watchdog, ts_ms=ts_ms)
     reference: CutPlan | None = cut
     if stage is Stage.AIR or (cut.strategy.traits.follows_lobe and machine.spindle.followed):
         reference = None
     elif cut.strategy.traits.follows_lobe:
-        reference = planned(job, machine, UNCOMPENSATED, Stage.FULL, None, watchdog=watchdog)
+        reference = plan_stage(job, machine, UNCOMPENSATED, Stage.FULL, None, watchdog=watchdog)
     findings = (*check(job, machine), *cut.findings)
     return RunPlan(
         job=job,
@@ -209,7 +209,7 @@ class CutOutcome:
     force: ForceNull | None = None
 
 
-class Beside(Protocol):
+class CutObserver(Protocol):
     """Work done beside a cut: it is notified when the machine is ready, and gets every poll of the program."""
 
     def begin(self, plan: CutPlan) -> None:
@@ -224,7 +224,7 @@ def cut_part(
     job: Job,
     plan: CutPlan,
     tell: Tell,
-    beside: Beside | None = None,
+    beside: CutObserver | None = None,
     *,
     homed: bool = False,
     blank: bool = True,
@@ -247,11 +247,11 @@ def cut_part(
     """
     lathe = context.lathe
     context.recorder.part(name, product=product)
-    watch: Beside | None = beside or force
+    watch: CutObserver | None = beside or force
 
-    def begin(step: Step, detail: str) -> None:
+    def begin(step: PartStep, detail: str) -> None:
         tell(step, detail)
-        if step is Step.CUT and watch is not None:
+        if step is PartStep.CUT and watch is not None:
             watch.begin(plan)
 
     def see(snapshot: Snapshot) -> None:
@@ -261,9 +261,9 @@ def cut_part(
     version, kind = lathe.connect()
     try:
         context.admit()
-        tell(Step.LOAD, f"{kind} {version}")
+        tell(PartStep.LOAD, f"{kind} {version}")
         load(context, plan, tell, aligned=False)
-        tell(Step.ALIGN, "")
+        tell(PartStep.ALIGN, "")
         _switch_on(context, job, homed=homed, blank=blank and not clamped)
         end = cut(context, job, plan, begin, see, settle_tool=not homed)
         checked = None if force is None else force.result()
@@ -293,9 +293,9 @@ def _outcome(context: CutContext, job: Job, end: CutEnd, tell: Tell, *, measured
         raise SessionError(nothing_seen(job))
     workshop, trace = context.workshop, None
     if workshop is not None and measured:
-        tell(Step.MEASURE, "")
+        tell(PartStep.MEASURE, "")
         trace = workshop.measure()
-        context.recorder.measured(job, trace)
+        context.recorder.record_measured_part(job, trace)
     collisions = () if workshop is None else workshop.look().collisions
     return CutOutcome(trace=trace, figures=end.figures, collisions=collisions)
 

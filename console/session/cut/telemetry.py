@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from console.session.cut.cut_verdict import NO_VERDICT, CutVerdict
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import Snapshot
-from profiles.compensations.learned import PartReading
+from profiles.compensations.learned_compensation import PartReading
 from profiles.compensations.path import LobedPath, target_path
 from profiles.compensations.push import left_push
 from profiles.job import Job
@@ -158,7 +158,7 @@ NO_LAG: Lag = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Phase:
+class PhaseLag:
     """Phase lag of the tool behind the target path, spindle degrees, and its uncertainty.
 
     `of_blank` is whether an eccentric and an oval blank are in that uncertainty: too few samples to fit them.
@@ -169,7 +169,7 @@ class Phase:
     of_blank: bool = False
 
 
-def phase_of(samples: Floats, target: LobedPath) -> Phase | None:
+def phase_of(samples: Floats, target: LobedPath) -> PhaseLag | None:
     """Return the phase lag of the tool behind `target`.
 
     `samples` has rows of spindle angle (deg) and infeed (um), oldest first. The best sine of the lobe's order
@@ -188,7 +188,7 @@ def phase_of(samples: Floats, target: LobedPath) -> Phase | None:
     behind_deg = math.degrees(-cmath.phase(coefficient)) / target.lobes - target.phase_deg
     across = np.zeros(columns.shape[1])
     across[MEANS : MEANS + 2] = np.array([coefficient.imag, coefficient.real]) / amplitude_um**2
-    return Phase(
+    return PhaseLag(
         error_deg=math.remainder(behind_deg, 360.0 / target.lobes),
         within_deg=SURE * math.degrees(found.sd_along(across)) / target.lobes,
         of_blank=len(orders) == 1,
@@ -237,7 +237,7 @@ def lag_left_um_pp(target: LobedPath, lag_deg: float) -> float:
     return 4.0 * target.amplitude_um * abs(math.sin(0.5 * target.lobes * math.radians(lag_deg)))
 
 
-def is_in_phase(phase: Phase | None, limit_deg: float | None, expected: Lag = NO_LAG) -> bool | None:
+def is_in_phase(phase: PhaseLag | None, limit_deg: float | None, expected: Lag = NO_LAG) -> bool | None:
     """Return whether the phase may be within its limit, given its uncertainty; None if it is unknown.
 
     An uncertainty above the limit that is not of the blank is no noise: such a tool does not follow the lobe, so
@@ -305,7 +305,7 @@ def spindle_ripple(samples: Floats, counts_per_rev: float) -> SpindleRipple | No
     `samples` has rows of position and following error, counts, of a spindle that is commanded to turn evenly. Its
     lead is fitted over the angle (least squares), beside a lag that may drift; the slope of that is the
     ripple of the speed. Its standard error comes from the residual; samples at too few angles of a turn are
-    rejected. The rounding of the encoder is added (`_rounded`).
+    rejected. The rounding of the encoder is added (`_rounding_ripple`).
 
     Not from the times of the samples. A sample was taken somewhere between request and reply: 5 ms are 30 deg at
     1000 rpm, and a speed that swings by 1 % twice a turn moves the angle by 0.29 deg. From 240 samples a ripple
@@ -324,7 +324,7 @@ def spindle_ripple(samples: Floats, counts_per_rev: float) -> SpindleRipple | No
         return None
     swing = _SLOPES @ found.coefficients
     error = np.sqrt(np.einsum("ij,jk,ik->i", _SLOPES, found.covariance, _SLOPES).max())
-    within_percent = 100.0 * (DEVIATIONS * float(error) + _rounded(count_rad))
+    within_percent = 100.0 * (DEVIATIONS * float(error) + _rounding_ripple(count_rad))
     if within_percent > WITHIN_LIMIT_PERCENT or swing.max() >= 1.0:
         return None
     # The ripple is over the true angle: d(true - even) / d(true), and so the speed is 1 / (1 - ripple) of the
@@ -333,7 +333,7 @@ def spindle_ripple(samples: Floats, counts_per_rev: float) -> SpindleRipple | No
     return SpindleRipple(percent=100.0 * float(np.ptp(speed)), within_percent=within_percent)
 
 
-def _rounded(count_rad: float) -> float:
+def _rounding_ripple(count_rad: float) -> float:
     """Return the ripple, peak to peak, that rounding to whole counts can make: 0.45 % for 10 000 counts a turn.
 
     The rounding error is a saw tooth over the counts. With evenly timed samples it may alias to one over the turn:

@@ -48,13 +48,15 @@ def with_cause(lathe: Lathe, problems: Sequence[Problem]) -> tuple[Problem, ...]
         changed = (*lathe.verify(), *lathe.program.changes())
     if not changed:
         friction = lathe.friction()
-        found = tuple(_identified(problem, friction) if friction else problem for problem in problems)
+        found = tuple(
+            _name_identified_friction(problem, friction) if friction else problem for problem in problems
+        )
         return (*found, *suspected)
     after_change = {"code": AFTER_CHANGE, "where": "", "key": AxisName.TOOL}
     told = (replace(each, **after_change) if each.code == BY_FRICTION else each for each in problems)
     return (*told, *(problem for problem in changed if problem not in problems), *suspected)
 
 
-def _identified(problem: Problem, friction: str) -> Problem:
+def _name_identified_friction(problem: Problem, friction: str) -> Problem:
     """Return the cause with the measured friction of this axis instead of the usual one."""
     return replace(problem, code=IDENTIFIED, key=friction) if problem.code == BY_FRICTION else problem

@@ -19,9 +19,9 @@ from typing import BinaryIO
 from console.session.data.backup_format import (
     CONTENT,
     MANIFEST,
-    Found,
+    FolderEntry,
     Manifest,
-    Stored,
+    StoredFile,
     entries_of,
     manifest_text,
 )
@@ -56,12 +56,12 @@ def back_up(data: Path, archive: Path) -> tuple[Manifest, tuple[Problem, ...]]:
             gzip.GzipFile(filename="", fileobj=file, mode="wb", compresslevel=6) as zipped,
             tarfile.open(fileobj=zipped, mode="w|", format=tarfile.PAX_FORMAT) as tar,
         ):
-            manifest = _written(tar, data, archive.resolve(), left_out)
+            manifest = _write_archive(tar, data, archive.resolve(), left_out)
     return manifest, tuple(left_out)
 
 
-def _written(tar: tarfile.TarFile, data: Path, archive: Path, left_out: list[Problem]) -> Manifest:
-    files: dict[str, Stored] = {}
+def _write_archive(tar: tarfile.TarFile, data: Path, archive: Path, left_out: list[Problem]) -> Manifest:
+    files: dict[str, StoredFile] = {}
     folders: list[str] = []
     for entry in _entries(data):
         if not entry.is_kept:
@@ -70,9 +70,9 @@ def _written(tar: tarfile.TarFile, data: Path, archive: Path, left_out: list[Pro
             folders.append(entry.path)
             tar.addfile(_information(entry, data, tarfile.DIRTYPE))
         else:
-            with _opened(data, entry, archive) as source:
+            with _open_entry(data, entry, archive) as source:
                 if source is not None:
-                    files[entry.path] = _added(tar, entry, data, source)
+                    files[entry.path] = _add_file(tar, entry, data, source)
     software = f"trilobe {version('trilobe')}"
     manifest = Manifest(files=files, folders=tuple(folders), software=software, created_utc=utc_now())
     content = manifest_text(manifest)
@@ -82,30 +82,30 @@ def _written(tar: tarfile.TarFile, data: Path, archive: Path, left_out: list[Pro
     return manifest
 
 
-def _entries(data: Path) -> Iterator[Found]:
+def _entries(data: Path) -> Iterator[FolderEntry]:
     try:
         yield from entries_of(data)
     except OSError as error:
         raise file_error("file.unreadable", Path(error.filename or data), error) from error
 
 
-def _information(entry: Found, data: Path, kind: bytes) -> tarfile.TarInfo:
+def _information(entry: FolderEntry, data: Path, kind: bytes) -> tarfile.TarInfo:
     """Return the header of an entry: no owner and no rights, which follow the folder that it is restored to."""
     information = tarfile.TarInfo(CONTENT + entry.path)
     information.type, information.mode = kind, 0o700 if kind == tarfile.DIRTYPE else 0o600
     return information
 
 
-def _added(tar: tarfile.TarFile, entry: Found, data: Path, source: BinaryIO) -> Stored:
+def _add_file(tar: tarfile.TarFile, entry: FolderEntry, data: Path, source: BinaryIO) -> StoredFile:
     status = os.fstat(source.fileno())
     information = _information(entry, data, tarfile.REGTYPE)
     information.size, information.mtime = status.st_size, status.st_mtime
-    reader = _Reader(source, data / entry.path, status.st_size)
+    reader = _HashedReader(source, data / entry.path, status.st_size)
     tar.addfile(information, reader)  # type: ignore[arg-type]
-    return Stored(status.st_size, reader.digest.hexdigest())
+    return StoredFile(status.st_size, reader.digest.hexdigest())
 
 
-class _Reader:
+class _HashedReader:
     """Read exactly as many bytes as a file had when it was opened, and hash them; a log may grow meanwhile."""
 
     def __init__(self, file: BinaryIO, path: Path, size: int) -> None:
@@ -126,11 +126,11 @@ class _Reader:
 
 
 @contextmanager
-def _opened(data: Path, entry: Found, archive: Path) -> Iterator[BinaryIO | None]:
+def _open_entry(data: Path, entry: FolderEntry, archive: Path) -> Iterator[BinaryIO | None]:
     """Open a file of the data folder; None where it has been removed meanwhile. Of the records, a copy."""
     path = data / entry.path
     if entry.path == FILE_NAME:
-        with _beside(archive) as copy:
+        with _temporary_file(archive) as copy:
             _copy_records(path, copy)
             with copy.open("rb") as file:
                 yield file
@@ -148,7 +148,7 @@ def _opened(data: Path, entry: Found, archive: Path) -> Iterator[BinaryIO | None
 
 
 @contextmanager
-def _beside(archive: Path) -> Iterator[Path]:
+def _temporary_file(archive: Path) -> Iterator[Path]:
     """Yield an empty temporary file on the disk of the archive: the one for temporary files may be small.
 
     It is named and locked as that of a writer, so that the next backup removes what a killed one has left.

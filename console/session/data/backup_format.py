@@ -27,7 +27,7 @@ CLONE = ".git"
 
 
 @dataclass(frozen=True, slots=True)
-class Stored:
+class StoredFile:
     """One file of a backup."""
 
     bytes: int
@@ -38,7 +38,7 @@ class Stored:
 class Manifest:
     """All that is in a backup, by its path below the data folder."""
 
-    files: Mapping[str, Stored]
+    files: Mapping[str, StoredFile]
     folders: tuple[str, ...]
     software: str
     created_utc: str
@@ -75,7 +75,9 @@ def manifest_from(content: bytes) -> Manifest:
     if type(table["schema"]) is not int or table["schema"] != SCHEMA:
         raise OtherSchemaError(table["schema"])
     try:
-        files = {path: Stored(int(each["bytes"]), str(each["sha256"])) for path, each in table["files"].items()}
+        files = {
+            path: StoredFile(int(each["bytes"]), str(each["sha256"])) for path, each in table["files"].items()
+        }
         folders = tuple(map(str, table["folders"]))
         return Manifest(
             files=files, folders=folders, software=str(table["software"]), created_utc=str(table["created_utc"])
@@ -104,7 +106,7 @@ def belongs_to_running(path: str) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FolderEntry:
     """One entry of the data folder: its path below it, and its type as `stat` has it."""
 
     path: str
@@ -127,7 +129,7 @@ class Found:
         return plain and self.path.count("/") < MOST_DEPTH and not is_of_clone(self.path)
 
 
-def entries_of(data: Path, below: str = "") -> Iterator[Found]:
+def entries_of(data: Path, below: str = "") -> Iterator[FolderEntry]:
     """Yield all entries of the data folder but those of running consoles, sorted. Raises OSError."""
     with os.scandir(data / below) as scanned:
         entries = sorted(scanned, key=lambda entry: entry.name)
@@ -136,7 +138,7 @@ def entries_of(data: Path, below: str = "") -> Iterator[Found]:
         if belongs_to_running(path):
             continue
         try:
-            found = Found(path, entry.stat(follow_symlinks=False).st_mode)
+            found = FolderEntry(path, entry.stat(follow_symlinks=False).st_mode)
         except FileNotFoundError:  # removed meanwhile
             continue
         yield found

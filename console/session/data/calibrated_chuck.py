@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from console.session.data.calibrations import Calibration, date_problems, files_of, load, record_problem
-from profiles.calibration.plausible import QUANTITIES, Step, step_of, worst_step
+from profiles.calibration.plausible import QUANTITIES, ImplausibleStep, step_of, worst_step
 from profiles.chucking.holding import holding_of
-from profiles.fields import fault, spelled
+from profiles.fields import fault, spell_toml
 from profiles.files import printable
 from profiles.machine import MachineProfile
 from profiles.machine_fields import SECTIONS
@@ -68,12 +68,12 @@ class CalibratedMachine(LoadedMachine):
     warnings: tuple[Problem, ...]
 
     @property
-    def used(self) -> dict[str, str]:
+    def calibration_dates(self) -> dict[str, str]:
         """Dates of the calibrations in use, by the keys of [chuck] that they supply."""
         return {key: date for key, date in self.sources.items() if date}
 
 
-def calibrated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
+def apply_calibrations(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
     """Return a machine with the newest calibrations of its chuck from the data folder.
 
     Raises:
@@ -106,7 +106,7 @@ def calibrated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
         stated = {key: getattr(machine.chuck, key) for key in values if key not in unset}
         if stated:
             warnings += _contradictions(kept, stated, file)
-    return _with(loaded, found, tuple(warnings), variance)
+    return _put_calibrated_values(loaded, found, tuple(warnings), variance)
 
 
 def calibrated_or_stated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
@@ -115,9 +115,9 @@ def calibrated_or_stated(loaded: LoadedMachine, data: Path) -> CalibratedMachine
     Then `warnings` has `calibration.not_used`, and each reason.
     """
     try:
-        return calibrated(loaded, data)
+        return apply_calibrations(loaded, data)
     except ProfileError as error:
-        return _with(loaded, {}, (Problem(code="calibration.not_used"), *error.problems))
+        return _put_calibrated_values(loaded, {}, (Problem(code="calibration.not_used"), *error.problems))
 
 
 class JudgedCalibration(NamedTuple):
@@ -126,7 +126,7 @@ class JudgedCalibration(NamedTuple):
     file: Path
     kept: Calibration
     values: Mapping[str, float]
-    step: Step | None = None
+    step: ImplausibleStep | None = None
 
 
 def judged_calibrations(
@@ -151,14 +151,16 @@ def judged_calibrations(
     return found, broken
 
 
-def large_step(data: Path, loaded: LoadedMachine, calibration: Calibration) -> Step | None:
+def large_step(data: Path, loaded: LoadedMachine, calibration: Calibration) -> ImplausibleStep | None:
     """Return the large step of a calibration that is not kept yet, from its profile or those before."""
     machine = load_machine(str(loaded.path)).machine
     new = JudgedCalibration(Path(calibration.file), calibration, calibration.found["profile"])
     return _step(new, machine, judged_calibrations(data, machine, calibration.kind)[0])
 
 
-def _step(new: JudgedCalibration, machine: MachineProfile, before: Sequence[JudgedCalibration]) -> Step | None:
+def _step(
+    new: JudgedCalibration, machine: MachineProfile, before: Sequence[JudgedCalibration]
+) -> ImplausibleStep | None:
     """Return the largest step; what was last typed out counts in place of the profile, as small steps add up."""
     stated = ((key, getattr(machine.chuck, key)) for key in _FOUND)
     anchor = newest = {key: value for key, value in stated if value is not None}
@@ -170,13 +172,15 @@ def _step(new: JudgedCalibration, machine: MachineProfile, before: Sequence[Judg
     try:
         ends = [number(found[key]) for key in ("lowest_n_m", "highest_n_m")] if kind == WRENCH else []
         of_bar = {"youngs_modulus_gpa": number(found["youngs_gpa"])} if kind == JAWS else {}
-        at, *known = (_compared(each, ends) for each in ({**new.values, **of_bar}, anchor, newest))
+        at, *known = (_comparable_values(each, ends) for each in ({**new.values, **of_bar}, anchor, newest))
     except (KeyError, TypeError, ValueError, ArithmeticError) as error:
         raise record_problem(new.file, str(error)) from error
     return worst_step(step_of(key[0], at[key], [each[key] for each in known if key in each]) for key in at)
 
 
-def _compared(values: Mapping[str, float], torques_n_m: Sequence[float]) -> dict[tuple[str, float], float]:
+def _comparable_values(
+    values: Mapping[str, float], torques_n_m: Sequence[float]
+) -> dict[tuple[str, float], float]:
     """Return what is compared of a calibration by key and torque: of the line, its force for each N m there."""
     found = {(key, 0.0): values[key] for key in QUANTITIES if key in values and key != LINE[0]}
     if LINE[0] in values:
@@ -191,15 +195,15 @@ def warnings_of(machine: LoadedMachine) -> tuple[Problem, ...]:
 
 
 def calibrations_of(machine: LoadedMachine) -> dict[str, str]:
-    """Return `used` of a machine; empty for one that was loaded without calibrations."""
-    return machine.used if isinstance(machine, CalibratedMachine) else {}
+    """Return `calibration_dates` of a machine; empty for one that was loaded without calibrations."""
+    return machine.calibration_dates if isinstance(machine, CalibratedMachine) else {}
 
 
 def refuse_unusable(values: Mapping[str, Any], where: str) -> None:
     """Refuse (`calibration.unusable`) each value for a key of [chuck] that no profile may have."""
     code = "calibration.unusable"
     problems = [
-        Problem(code=code, where=where, key=f"chuck.{key}", value=spelled(value), limit=_FIELDS[key].limit)
+        Problem(code=code, where=where, key=f"chuck.{key}", value=spell_toml(value), limit=_FIELDS[key].limit)
         for key, value in values.items()
         if fault(_FIELDS[key], value)
     ]
@@ -207,7 +211,7 @@ def refuse_unusable(values: Mapping[str, Any], where: str) -> None:
         raise ProfileError(*problems)
 
 
-def _with(
+def _put_calibrated_values(
     loaded: LoadedMachine,
     found: Mapping[str, tuple[float, str]],
     warnings: tuple[Problem, ...],

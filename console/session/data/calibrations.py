@@ -19,9 +19,9 @@ from console.session.data.kept_files import (
     folder_name,
     jobs_folder,
     keep,
-    kept,
     make_folder,
-    there,
+    path_exists,
+    read_kept_values,
 )
 from profiles.files import printable
 from profiles.job import Job, copy_of
@@ -114,7 +114,7 @@ def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
     folder = jobs_folder(data)
     make_folder(folder)
     paths = (folder / f"{loaded.path.stem}-{number}.toml" for number in itertools.count(2))
-    path = next(path for path in paths if not there(path))
+    path = next(path for path in paths if not path_exists(path))
     save_job(copy_of(job, path.stem, loaded.job.name), path, private=True)
     return load_job(str(path))
 
@@ -133,7 +133,7 @@ def load(file: Path, subject: str, kind: str) -> Calibration:
             raise ValueError(f"{calibration.subject}, {calibration.kind}")
 
     # The numbers of a fit are checked where they are used, by the names that the fit gives them.
-    return read_own(Calibration, kept(file, code), schema=SCHEMA, code=code, where=where, judge=judge)
+    return read_own(Calibration, read_kept_values(file, code), schema=SCHEMA, code=code, where=where, judge=judge)
 
 
 def _folder(data: Path, subject: str) -> Path:

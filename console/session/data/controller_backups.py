@@ -13,7 +13,7 @@ from profiles.files import printable, read_regular_file, write_atomically
 if TYPE_CHECKING:
     from drivers.commissioning.backup import Backup
     from drivers.commissioning.check import Check
-    from drivers.commissioning.configuration import Configuration
+    from drivers.commissioning.configuration import ControllerConfiguration
     from drivers.commissioning.user_buffer import Seen
     from drivers.controller import Controller
     from drivers.pmac.dialect import Dialect
@@ -24,7 +24,7 @@ MOST_LISTED = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compared:
+class BackupComparison:
     """What differs now from a backup of `date`. `sha256` are the hashes of the backup and of the controller."""
 
     date: str
@@ -60,7 +60,7 @@ def write_backup(
     private: bool = False,
     values: bool = False,
     seen_words: Seen = lambda done, of: None,
-) -> Configuration:
+) -> ControllerConfiguration:
     """Back up the whole controller to a file, `private` for its owner alone; never overwrite.
 
     With the `values` of P, Q and M, the entries of tables and the words of the user buffer, where they are asked
@@ -75,7 +75,7 @@ def write_backup(
     return configuration
 
 
-def keep_backup(configuration: Configuration, path: Path, *, private: bool = False) -> None:
+def keep_backup(configuration: ControllerConfiguration, path: Path, *, private: bool = False) -> None:
     """Write what was read to a file; never overwrite. Raises ProfileError: `file.exists`, `file.not_writable`."""
     from drivers.commissioning.backup import backup_text
 
@@ -93,7 +93,7 @@ def load_backup(path: Path) -> tuple[str, Backup]:
     return text, read_backup(text, printable(str(path)))
 
 
-def compare_backup(client: Controller, dialect: Dialect, machine: MachineProfile, path: Path) -> Compared:
+def compare_backup(client: Controller, dialect: Dialect, machine: MachineProfile, path: Path) -> BackupComparison:
     """Read the whole controller, and return what differs from a backup.
 
     Raises ProfileError: no such file, or no backup; RefusedError: `controller.backup_family`; DriverError: as
@@ -107,7 +107,7 @@ def compare_backup(client: Controller, dialect: Dialect, machine: MachineProfile
     _, backup = load_backup(path)
     refuse_other_family(backup.configuration, dialect, printable(str(path)))
     now = read_configuration(client, dialect, whole_card(dialect, programs=backup.configuration.sought_programs))
-    return Compared(
+    return BackupComparison(
         date=backup.date,
         checks=in_order(differences(backup.configuration, now, machine)),
         sha256=(backup.configuration.fingerprint, now.fingerprint),

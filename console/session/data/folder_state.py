@@ -41,7 +41,7 @@ class FolderState:
         return f"{stat.filemode(stat.S_IFDIR | self.mode)} {self.owner}:{self.group}"
 
     @property
-    def free(self) -> str:
+    def free_space(self) -> str:
         """Free space with its unit."""
         return f"{self.free_bytes / 1e9:.1f} GB"
 
@@ -62,16 +62,16 @@ def state_of(data: Path) -> FolderState | None:
     usable = stat.S_ISDIR(status.st_mode) and os.access(data, os.R_OK | os.W_OK | os.X_OK)
     return FolderState(
         path=data,
-        owner=_named(lambda: pwd.getpwuid(status.st_uid).pw_name, status.st_uid),
-        group=_named(lambda: grp.getgrgid(status.st_gid).gr_name, status.st_gid),
+        owner=_name_of_number(lambda: pwd.getpwuid(status.st_uid).pw_name, status.st_uid),
+        group=_name_of_number(lambda: grp.getgrgid(status.st_gid).gr_name, status.st_gid),
         mode=mode,
         free_bytes=room.f_bavail * room.f_frsize,
         usable=usable,
-        closed=tuple(_closed(data, status.st_gid if is_shared(mode) else None)) if usable else (),
+        closed=tuple(_find_closed_entries(data, status.st_gid if is_shared(mode) else None)) if usable else (),
     )
 
 
-def _closed(data: Path, group: int | None) -> Iterator[Path]:
+def _find_closed_entries(data: Path, group: int | None) -> Iterator[Path]:
     for folder, folders, files in walk(data):
         folders[:] = sorted(name for name in folders if name != SKIPPED)
         for name in (*folders, *sorted(files)):
@@ -89,7 +89,7 @@ def _closed(data: Path, group: int | None) -> Iterator[Path]:
                 yield path
 
 
-def _named(name_of: Callable[[], str], number: int) -> str:
+def _name_of_number(name_of: Callable[[], str], number: int) -> str:
     try:
         return name_of()
     except KeyError:  # an account of another computer

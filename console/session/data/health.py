@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.session.data.kept_files import folder_name, keep, kept, numbered_files
+from console.session.data.kept_files import folder_name, keep, numbered_files, read_kept_values
 from drivers.identification.health import HealthResult, as_table, from_table
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
@@ -49,6 +49,6 @@ def kept_tests(data: Path, machine: str, most: int) -> tuple[KeptHealth, ...]:
 def _read(file: Path) -> KeptHealth:
     where = printable(str(file))
     try:
-        return KeptHealth(file=file, result=from_table(kept(file, "health.file"), where))
+        return KeptHealth(file=file, result=from_table(read_kept_values(file, "health.file"), where))
     except ProfileError as error:
         return KeptHealth(file=file, result=None, problems=tuple(error.problems))

@@ -43,7 +43,7 @@ def file_error(code: str, path: Path, error: OSError) -> ProfileError:
     return ProfileError(Problem(code=code, where=printable(str(path)), value=error.strerror or str(error)))
 
 
-def there(path: Path) -> bool:
+def path_exists(path: Path) -> bool:
     """Return whether there is anything at a path. Raises ProfileError: `file.unreadable`, its folder is closed."""
     try:
         return path.exists()
@@ -85,7 +85,7 @@ def keep(path: Path, table: Mapping[str, Any]) -> None:
     write_atomically(path, f"{content}\n".encode(), overwrite=False, private=True)
 
 
-def kept(file: Path, code: str) -> Any:
+def read_kept_values(file: Path, code: str) -> Any:
     """Return the values in a file; ProfileError as `read_regular_file`, or `code` if it is not ours."""
     content = read_regular_file(file, cap_bytes=CAP_BYTES)
     try:
@@ -143,10 +143,10 @@ TOLERANCE = timedelta(minutes=10)  # allowed clock difference of two computers t
 
 def utc_now() -> str:
     """Return the date for newly stored data, UTC after ISO 8601."""
-    return _stored(datetime.now(UTC))
+    return _format_date(datetime.now(UTC))
 
 
-def _stored(date: datetime) -> str:
+def _format_date(date: datetime) -> str:
     return date.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
@@ -171,7 +171,7 @@ class RunDates:
 
     def now(self) -> str:
         """Return the date of its beginning, by the computer's clock then, and the time that has passed since."""
-        return _stored(self._began + timedelta(seconds=boot_s() - self._began_s))
+        return _format_date(self._began + timedelta(seconds=boot_s() - self._began_s))
 
 
 def is_ahead(date: str, now: str | None = None) -> bool:
@@ -181,7 +181,7 @@ def is_ahead(date: str, now: str | None = None) -> bool:
     """
     now = now or utc_now()
     try:
-        return _parsed(date) - _parsed(now) > TOLERANCE
+        return _parse_date(date) - _parse_date(now) > TOLERANCE
     except OverflowError:  # at either end of the calendar's range
         return date > now
     except ValueError:
@@ -195,7 +195,7 @@ def ahead_problems(code: str, dates: Iterable[str], *, key: str, where: str = ""
     return tuple(Problem(code=code, where=where, key=key, value=date, limit=now) for date in ahead[:1])
 
 
-def _parsed(date: str) -> datetime:
+def _parse_date(date: str) -> datetime:
     found = datetime.fromisoformat(date)
     return found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
 

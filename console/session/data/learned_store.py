@@ -6,10 +6,10 @@ import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
-from console.session.data.kept_files import ahead_problems, file_error, folder_name, keep, kept
+from console.session.data.kept_files import ahead_problems, file_error, folder_name, keep, read_kept_values
 from console.session.data.record_file import FILE_NAME, rows
 from console.session.errors import SessionError, refuse
-from profiles.compensations.learned import (
+from profiles.compensations.learned_compensation import (
     HoldsFor,
     LearnedCompensation,
     as_table,
@@ -56,7 +56,7 @@ def store(data: Path, learned: LearnedCompensation) -> Path:
 
 
 def versions(data: Path, asked: HoldsFor) -> tuple[LearnedCompensation, ...]:
-    """Return all versions of a job on a machine, oldest first, whether or not they apply; errors as `kept`."""
+    """Return all versions of a job on a machine, oldest first, applying or not; errors as `read_kept_values`."""
     folder = _folder(data, asked)
     try:
         files = sorted(file for file in folder.iterdir() if file.match("version-*.json"))
@@ -68,19 +68,26 @@ def versions(data: Path, asked: HoldsFor) -> tuple[LearnedCompensation, ...]:
 
 
 def elsewhere_problems(data: Path, asked: HoldsFor) -> tuple[Problem, ...]:
-    """Return `learned.elsewhere_*` if a real or simulated lathe, not asked for, has versions; errors as `kept`."""
+    """Return `learned.elsewhere_*` if the other kind of lathe, real or simulated, has versions.
+
+    Raises the errors of `read_kept_values`.
+    """
     other = versions(data, replace(asked, simulated=not asked.simulated))
     code = "learned.elsewhere_real" if asked.simulated else "learned.elsewhere_simulated"
     return (Problem(code=code, key=asked.job, value=str(len(other))),) if other else ()
 
 
-def accepted(job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool) -> LearnedCompensation | None:
+def find_newest_version(
+    job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool
+) -> LearnedCompensation | None:
     """Return the newest of the `versions` of a job on a machine, whether it applies or not; None without any."""
     known = versions(data, asked_for(job, machine, "", simulated=simulated))
     return known[-1] if known else None
 
 
-def chosen(word: str, known: tuple[LearnedCompensation, ...], asked: HoldsFor) -> LearnedCompensation | None:
+def choose_version(
+    word: str, known: tuple[LearnedCompensation, ...], asked: HoldsFor
+) -> LearnedCompensation | None:
     """Return the version that `word` means: "none", "newest" or its number; None is the model's.
 
     Raises:
@@ -127,7 +134,7 @@ def _with_settings(data: Path, learned: LearnedCompensation) -> LearnedCompensat
 
 def _load(file: Path) -> LearnedCompensation:
     where = printable(str(file))
-    learned = from_table(kept(file, "learned.file"), where)
+    learned = from_table(read_kept_values(file, "learned.file"), where)
     if file.name != _name(learned.version):
         raise ProfileError(Problem(code="learned.file", where=where, value=f"version {learned.version}"))
     return learned

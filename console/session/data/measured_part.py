@@ -21,12 +21,12 @@ from console.session.force_record import force_of
 from drivers.simulator.plant.which_lathe import LATHE, WHICH
 from profiles.files import printable
 from profiles.problem import Problem
-from profiles.strict_values import from_json, number, number_or_none, text, whole
+from profiles.strict_values import from_json, number, number_or_none, text, whole_number
 from profiles.traces import Trace, parse_trace
 
 if TYPE_CHECKING:
     from profiles.compensations.force_null import ForceNull
-    from profiles.compensations.learned import HoldsFor
+    from profiles.compensations.learned_compensation import HoldsFor
     from profiles.roundness import RoundnessResult
 
 LOCK_TIMEOUT_S = 1.0
@@ -125,27 +125,27 @@ def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[
     stated = {key: trace[key] for key in _ALL_KEYS if key in trace}
     for key in _ALL_KEYS:
         if key in said and stated.setdefault(key, said[key]) != said[key]:
-            raise _other(key, said[key], stated[key])
+            raise _other_version_error(key, said[key], stated[key])
     known = [each for each in made if each is not None]
     fitting = [each for each in known if stated.items() <= asdict(each).items()]
     missing = [key for key in KEYS if key not in stated]
     if not missing and not fitting:
         whole = MadeWith(**{INVERTED: MODEL, **stated})
         if known and None not in made:
-            raise _other("", str(whole), " | ".join(dict.fromkeys(map(str, known))))
+            raise _other_version_error("", str(whole), " | ".join(dict.fromkeys(map(str, known))))
         return whole
     if (made and made[0] is None and "compensation" in missing) or not fitting:
         raise SessionError(Problem(code="learned.cut_unknown", key=", ".join(f"--{key}" for key in missing)))
     return fitting[0]
 
 
-def _other(key: str, value: str, limit: str) -> SessionError:
+def _other_version_error(key: str, value: str, limit: str) -> SessionError:
     return SessionError(Problem(code="learned.other_version", key=key, value=value, limit=limit))
 
 
 def parts_made(cuts: Sequence[Cut]) -> list[MadeWith | None]:
     """Return how the parts of these cuts were made, None if it is not recorded."""
-    return [made for kind, data, _ in cuts for made in _made(kind, data)]
+    return [made for kind, data, _ in cuts for made in _event_parts(kind, data)]
 
 
 def date_problems(cuts: Sequence[Cut], job: str) -> tuple[Problem, ...]:
@@ -162,7 +162,7 @@ def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
     """
     found = _rows(folder, _QUERY, asked)
     ours = [(kind, data, at_utc) for kind, data, at_utc, which in found if not is_other_lathe(asked.lathe, which)]
-    if not ours and any(_made(kind, data) for kind, data, _, _ in found):
+    if not ours and any(_event_parts(kind, data) for kind, data, _, _ in found):
         others = tuple(dict.fromkeys(printable(str(which), 60) for *_, which in found))
         limit = " | ".join((*others[:MOST_NAMED], *(("…",) if len(others) > MOST_NAMED else ())))
         raise SessionError(
@@ -202,7 +202,7 @@ class CutPart:
 def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
     """Return the newest part of this job on this machine, None without one; refuses an unreadable record."""
     for kind, data, at_utc, which, run_id, cut_since in _rows(folder, _NEWEST, asked):
-        for made in _made(kind, data):
+        for made in _event_parts(kind, data):
             if made is None:
                 return None
             return CutPart(
@@ -252,14 +252,14 @@ def _rows(folder: Path, query: str, asked: HoldsFor) -> list[Any]:
         raise record_error("record.unreadable", folder / FILE_NAME, error) from error
 
 
-def _made(kind: str, data: str) -> list[MadeWith | None]:
+def _event_parts(kind: str, data: str) -> list[MadeWith | None]:
     """Return the part of an event; nothing for an air cut, or for a series of parts that learns by itself."""
     try:
         event = from_json(data)
         strategy, stage, inverted = (text(event[key]) for key in ("strategy", "stage", INVERTED))
         version, jaw_1_deg = event["compensation"], event.get(CUT_JAW)
         made = MadeWith(
-            compensation=NONE if version is None else str(whole(version)),
+            compensation=NONE if version is None else str(whole_number(version)),
             strategy=strategy,
             stage=stage,
             inverted=inverted,

@@ -10,7 +10,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from console.session.data.kept_files import there
+from console.session.data.kept_files import path_exists
 from console.session.data.record_schema import OWN_TRIGGERS, SCHEMA, create
 from console.session.errors import SessionError
 from profiles.files import make_private_folder, printable, require_regular, write_atomically
@@ -43,7 +43,7 @@ def is_full(error: sqlite3.Error) -> bool:
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in _FULL
 
 
-def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Connection:
+def open_records(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Connection:
     """Open the records in a folder for writing; create both where they are missing.
 
     Other writers are waited for until the deadline, in the time of `time.monotonic`. To have the tables `checked`
@@ -57,7 +57,7 @@ def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Con
     try:
         make_private_folder(folder)
         _make_file(path)
-        database = connected(path, "rw", WAIT_S)
+        database = connect_records(path, "rw", WAIT_S)
     except (OSError, sqlite3.Error) as error:
         raise record_error("record.unwritable", path, error) from error
     try:
@@ -75,7 +75,7 @@ def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Con
     return database
 
 
-def connected(path: Path, mode: str, timeout_s: float) -> sqlite3.Connection:
+def connect_records(path: Path, mode: str, timeout_s: float) -> sqlite3.Connection:
     """Connect to an existing file of records, which may be somebody else's, for reading (`ro`) or writing (`rw`).
 
     Raises sqlite3.Error; SessionError `record.empty`: opened, it would count as new, and its journal be removed.
@@ -115,7 +115,7 @@ def _make_file(path: Path) -> None:
 def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -> list[Any]:
     """Return the rows of a query, none without records; SessionError `record.other_schema`, sqlite3.Error."""
     path = folder / FILE_NAME
-    if not there(path):
+    if not path_exists(path):
         return []
     with closing(opened_to_read(path, timeout_s)) as database:
         refuse_other_schema(database, path)
@@ -131,7 +131,7 @@ def opened_to_read(path: Path, timeout_s: float) -> sqlite3.Connection:
 
     In a folder that cannot be written, SQLite cannot coordinate with writers; without a journal there are none.
     """
-    database = connected(path, "ro", timeout_s)
+    database = connect_records(path, "ro", timeout_s)
     try:
         with damage_as_error():
             database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
@@ -144,7 +144,7 @@ def opened_to_read(path: Path, timeout_s: float) -> sqlite3.Connection:
             or not os.access(path, os.R_OK)
         ):
             raise
-        return connected(path, "ro&immutable=1", timeout_s)
+        return connect_records(path, "ro&immutable=1", timeout_s)
     except BaseException:
         database.close()
         raise

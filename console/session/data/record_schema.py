@@ -24,7 +24,7 @@ GATHERED_COLUMNS = ("turn", "past_middle_mm", "infeed_um")
 """Columns of a gathered window: turn of the spindle, distance past the middle of the cut, infeed of the tool."""
 
 
-def _kept(table: str) -> tuple[str, str]:
+def _append_only_triggers(table: str) -> tuple[str, str]:
     """Return the triggers that make a table append-only."""
     return (
         f"CREATE TRIGGER {table}_stay BEFORE UPDATE ON {table} BEGIN SELECT RAISE(ABORT, 'append only'); END",
@@ -69,7 +69,9 @@ _INDEXES = (
     "CREATE INDEX measurements_by_trace ON measurements (trace_sha256)",
 )
 _TRIGGERS = tuple(
-    line for table in ("texts", "runs", "events", "measurements", "traces", "telemetry") for line in _kept(table)
+    line
+    for table in ("texts", "runs", "events", "measurements", "traces", "telemetry")
+    for line in _append_only_triggers(table)
 )
 OWN_TRIGGERS = frozenset((None, *_TRIGGERS))
 """All that a schema of ours has besides tables and indexes; None is what SQLite itself adds."""

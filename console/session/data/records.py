@@ -27,12 +27,12 @@ from console.session.data.record_file import (
     FILE_NAME,
     is_damage,
     is_full,
-    opened,
+    open_records,
     record_error,
     retrying,
     transaction,
 )
-from console.session.data.run_log import CLOSE_TIMEOUT_S, RunLog, event_statement, shown
+from console.session.data.run_log import CLOSE_TIMEOUT_S, RunLog, event_json, event_statement
 from console.session.data.run_story import MACHINE_S
 from console.session.data.version_control import VERSIONED, cut_from, is_clone
 from console.session.errors import SessionError
@@ -112,7 +112,7 @@ def begin_record(
         "compensation": facts.compensation,
         "operator": operator_name(),
         "tolerance_um": facts.job.roundness_tolerance_um,
-        "setup": shown(facts.setup),
+        "setup": event_json(facts.setup),
     }
     # The file was checked when the console started; that takes too long where polls must not wait.
     record = RunRecord(
@@ -167,10 +167,10 @@ class RunRecord:
         waits_s = PATIENCE_S if run.get("simulated") else CLOSE_TIMEOUT_S
         self.log = RunLog(folder, self.run_id, waits_s=waits_s, now_s=now_s)
         until_s = time.monotonic() + open_timeout_s
-        self._database = opened(folder, until_s, checked=checked)
+        self._database = open_records(folder, until_s, checked=checked)
         try:
             self._mark = RunMark(folder, self.run_id)
-            self._reserve: int | None = _reserved(folder)
+            self._reserve: int | None = _reserve_room(folder)
         except OSError as error:
             self._database.close()
             raise record_error("record.unwritable", self._path, error) from error
@@ -213,9 +213,9 @@ class RunRecord:
         self.log.close()
         self._database.close()
         self._mark.close(stays=marked)
-        self._free()
+        self._free_reserve()
 
-    def _free(self) -> None:
+    def _free_reserve(self) -> None:
         if self._reserve is not None:
             os.close(self._reserve)
         self._reserve = None
@@ -227,7 +227,7 @@ class RunRecord:
             if not is_full(error) or self._reserve is None:
                 raise
             # What ends the run, now that it has to, needs less than this.
-            self._free()
+            self._free_reserve()
             retrying(lambda: transaction(self._database, statements), until_s)
 
     def _on_disk(self) -> tuple[tuple[int, int] | None, ...]:
@@ -256,7 +256,7 @@ def add_to_run(
     Raises SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`.
     """
     until_s = time.monotonic() + timeout_s
-    with closing(opened(folder, until_s, checked=False)) as database:
+    with closing(open_records(folder, until_s, checked=False)) as database:
         at_utc = utc_now()
         statements = [event_statement(run_id, at_utc, kind, data), *_measurement(run_id, at_utc, part)]
         try:
@@ -265,7 +265,7 @@ def add_to_run(
             raise record_error("record.unwritable", folder / FILE_NAME, error) from error
 
 
-def _reserved(folder: Path) -> int:
+def _reserve_room(folder: Path) -> int:
     """Return a file without a name, so that a kill leaves nothing, whose room is free once it is closed."""
     with tempfile.TemporaryFile(dir=folder) as file:
         with suppress(OSError):  # nearly full already, or a file system that cannot: then there is none
@@ -304,7 +304,7 @@ def _measurement(run_id: str, at_utc: str, part: RecordedPart | None) -> list[St
     plain = tuple(int(value) if isinstance(value, bool) else value for value in values)
     sha256 = hashlib.sha256(trace).hexdigest()
     return [
-        (_INSERT, (run_id, run_id, at_utc, sha256, shown(part.data), *plain)),
+        (_INSERT, (run_id, run_id, at_utc, sha256, event_json(part.data), *plain)),
         (f"INSERT INTO traces SELECT ?, ({_NEXT}), ?", (run_id, run_id, zlib.compress(trace, 6))),
     ]
 
@@ -354,10 +354,14 @@ def killed_runs(data: Path, machine: str, *, simulated: bool, checked: bool = Tr
     """
     if not (data / FILE_NAME).exists():
         return ()
-    with closing(opened(data, time.monotonic() + TIMEOUT_S, checked=checked)) as database:
+    with closing(open_records(data, time.monotonic() + TIMEOUT_S, checked=checked)) as database:
         try:
             with _left_marks(data) as marks:
-                ended = [each for mark in marks for each in _ended(database, mark, machine, simulated=simulated)]
+                ended = [
+                    each
+                    for mark in marks
+                    for each in _end_marked_run(database, mark, machine, simulated=simulated)
+                ]
         except sqlite3.Error as error:
             code = "record.damaged" if is_damage(error) else "record.unwritable"
             raise record_error(code, data / FILE_NAME, error) from error
@@ -404,7 +408,7 @@ def _left_marks(data: Path) -> Iterator[list[Path]]:
         yield left
 
 
-def _ended(database: sqlite3.Connection, mark: Path, machine: str, *, simulated: bool) -> list[Problem]:
+def _end_marked_run(database: sqlite3.Connection, mark: Path, machine: str, *, simulated: bool) -> list[Problem]:
     """End the run of a mark and remove the mark; return the problem to report."""
     run_id = mark.name
     run = database.execute(_RUN, (run_id, machine, int(simulated))).fetchone()

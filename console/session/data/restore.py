@@ -31,7 +31,7 @@ from console.session.data.backup_format import (
     SCHEMA,
     Manifest,
     OtherSchemaError,
-    Stored,
+    StoredFile,
     is_of_clone,
     is_safe,
     manifest_from,
@@ -39,7 +39,7 @@ from console.session.data.backup_format import (
 from console.session.data.record_file import FILE_NAME
 from console.session.data.record_schema import SCHEMA as RECORD_SCHEMA
 from console.session.errors import SessionError
-from profiles.fields import spelled
+from profiles.fields import spell_toml
 from profiles.files import make_private_folder, open_regular, printable, synchronise_folder
 from profiles.folder_rights import may_be_ours, rights_in
 from profiles.problem import Problem
@@ -76,7 +76,7 @@ class Member:
     chunks: Iterator[bytes]
 
 
-def checked(archive: Path) -> Manifest:
+def check_archive(archive: Path) -> Manifest:
     """Read an archive to its end, and return its manifest where everything in it is as the manifest says.
 
     Raises SessionError: `file.unreadable`, `restore.not_backup`, `restore.damaged`, `restore.unsafe`;
@@ -84,7 +84,7 @@ def checked(archive: Path) -> Manifest:
     """
     entries = members(archive)
     try:
-        return _compared(archive, entries)
+        return _compare_archive(archive, entries)
     except SessionError:
         # A damaged byte may look like another schema. What reveals it, the checksum, is at the end.
         for member in entries:
@@ -93,8 +93,8 @@ def checked(archive: Path) -> Manifest:
         raise
 
 
-def _compared(archive: Path, entries: Iterator[Member]) -> Manifest:
-    files: dict[str, Stored] = {}
+def _compare_archive(archive: Path, entries: Iterator[Member]) -> Manifest:
+    files: dict[str, StoredFile] = {}
     folders: set[str] = set()
     manifest: Manifest | None = None
     for member in entries:
@@ -106,7 +106,7 @@ def _compared(archive: Path, entries: Iterator[Member]) -> Manifest:
         elif member.is_folder:
             folders.add(member.path)
         else:
-            files[member.path] = _stored(archive, member)
+            files[member.path] = _read_archived_file(archive, member)
     if manifest is None:
         raise refusal("restore.not_backup", archive, value=f"no {MANIFEST}")
     wrong = {path for path in {*files, *manifest.files} if files.get(path) != manifest.files.get(path)}
@@ -117,8 +117,8 @@ def _compared(archive: Path, entries: Iterator[Member]) -> Manifest:
 
 
 def members(archive: Path) -> Iterator[Member]:
-    """Yield the entries of an archive, read to its last byte; raises as `checked`."""
-    with _opened(archive) as file:
+    """Yield the entries of an archive, read to its last byte; raises as `check_archive`."""
+    with _open_archive(archive) as file:
         # Not tarfile's own reading of gzip, which does not compare the checksum at the end.
         with gzip.GzipFile(fileobj=file, mode="rb") as unzipped:
             with _naming_damage("restore.not_backup", archive):
@@ -164,7 +164,7 @@ def _chunks(archive: Path, tar: tarfile.TarFile, entry: tarfile.TarInfo) -> Iter
         yield chunk
 
 
-def _stored(archive: Path, member: Member) -> Stored:
+def _read_archived_file(archive: Path, member: Member) -> StoredFile:
     """Return size and hash of a file; refuse the records of a newer console."""
     digest, size, head = hashlib.sha256(), 0, b""
     for chunk in member.chunks:
@@ -174,7 +174,7 @@ def _stored(archive: Path, member: Member) -> Stored:
     version = int.from_bytes(head[USER_VERSION])
     if member.path == FILE_NAME and version > RECORD_SCHEMA:
         raise refusal("record.other_schema", archive, value=str(version), limit=str(RECORD_SCHEMA))
-    return Stored(size, digest.hexdigest())
+    return StoredFile(size, digest.hexdigest())
 
 
 def _manifest_in(archive: Path, member: Member) -> Manifest:
@@ -186,14 +186,14 @@ def _manifest_in(archive: Path, member: Member) -> Manifest:
     try:
         return manifest_from(content)
     except OtherSchemaError as error:
-        found = spelled(error.args[0])
+        found = spell_toml(error.args[0])
         raise refusal("schema.unsupported", archive, key="schema", value=found, limit=str(SCHEMA)) from error
     except ValueError as error:
         raise refusal("restore.not_backup", archive, value=printable(f"{MANIFEST}: {error}")) from error
 
 
 @contextmanager
-def _opened(archive: Path) -> Iterator[BinaryIO]:
+def _open_archive(archive: Path) -> Iterator[BinaryIO]:
     try:
         file = open(archive, "rb", opener=open_regular)
     except (OSError, ValueError) as error:
@@ -217,12 +217,13 @@ def restore(archive: Path, data: Path) -> tuple[Manifest, tuple[Problem, ...]]:
     Clones of git, which older consoles packed, are left out (`restore.left_out`): git runs what is in them.
 
     Raises:
-        SessionError: as `checked`; `restore.not_empty`, `restore.no_space`, `restore.not_writable`. Nothing is in
+        SessionError: as `check_archive`; `restore.not_empty`, `restore.no_space`, `restore.not_writable`. Nothing
+        is in
             the data folder then.
     """
     data = data.resolve()
     _refuse_filled(data)
-    manifest = checked(archive)
+    manifest = check_archive(archive)
     try:
         make_private_folder(data.parent)
         _remove_left(data)

@@ -18,7 +18,7 @@ from profiles.strict_values import number_or_none
 COMMIT_DIGITS = 12
 
 
-class Kind(StrEnum):
+class FactKind(StrEnum):
     """Kind of a value, from which each layout takes unit and digits."""
 
     TEXT = "text"
@@ -29,9 +29,9 @@ class Kind(StrEnum):
 
 
 SETUP = (
-    ("force", Kind.FORCE_N, "force_n", "clamped_at"),
-    ("jaw", Kind.ANGLE_DEG, "jaw_1_deg", "jaw_1_at"),
-    ("radius", Kind.RADIUS_MM, "zero_radius_mm", "touch_off_at"),
+    ("force", FactKind.FORCE_N, "force_n", "clamped_at"),
+    ("jaw", FactKind.ANGLE_DEG, "jaw_1_deg", "jaw_1_at"),
+    ("radius", FactKind.RADIUS_MM, "zero_radius_mm", "touch_off_at"),
 )
 """Facts of the set-up: key and kind, then the key of the value in `setup` and that of its time, "" for none."""
 
@@ -44,7 +44,7 @@ class RunFact:
     """
 
     key: str
-    kind: Kind
+    kind: FactKind
     value: str | float | None
     at: str = ""
     notes: tuple[str, ...] = ()
@@ -63,12 +63,12 @@ def origin_facts(story: RunStory) -> tuple[RunFact, ...]:
     """Return the versions and hashes by which a run can be found and repeated."""
     python = f"Python {story.python}" if story.python else None
     values = (
-        ("run_id", Kind.TEXT, story.row.run_id),
-        ("software", Kind.TEXT, _joined(story.software, python)),
-        ("controller", Kind.TEXT, _joined(story.controller, story.family)),
-        ("job_hash", Kind.HASH, story.job_sha256),
-        ("machine_hash", Kind.HASH, story.machine_sha256),
-        ("program_hash", Kind.HASH, program_sha256(story.program)),
+        ("run_id", FactKind.TEXT, story.row.run_id),
+        ("software", FactKind.TEXT, _join_texts(story.software, python)),
+        ("controller", FactKind.TEXT, _join_texts(story.controller, story.family)),
+        ("job_hash", FactKind.HASH, story.job_sha256),
+        ("machine_hash", FactKind.HASH, story.machine_sha256),
+        ("program_hash", FactKind.HASH, program_sha256(story.program)),
     )
     facts = [RunFact(key=key, kind=kind, value=value) for key, kind, value in values]
     versioned = [event.data for event in story.events if event.kind == VERSIONED]
@@ -81,7 +81,7 @@ def _commit(event: Mapping[str, Any]) -> RunFact:
     notes = [] if commit else ["records.no_commit"]
     notes += [f"records.{name}_differs" for name in ("job", "machine") if event.get(f"{name}_differs")]
     value = None if commit is None else commit[:COMMIT_DIGITS]
-    return RunFact(key="commit", kind=Kind.TEXT, value=value, notes=tuple(notes))
+    return RunFact(key="commit", kind=FactKind.TEXT, value=value, notes=tuple(notes))
 
 
 def program_sha256(program: str) -> str:
@@ -89,12 +89,12 @@ def program_sha256(program: str) -> str:
     return hashlib.sha256(program.encode("utf-8", "surrogatepass")).hexdigest()
 
 
-def _joined(*texts: str | None) -> str | None:
+def _join_texts(*texts: str | None) -> str | None:
     return " · ".join(filter(None, texts)) or None
 
 
-def _value(value: Any, kind: Kind) -> str | float | None:
-    return _text(value) if kind in (Kind.TEXT, Kind.HASH) else number_or_none(value)
+def _value(value: Any, kind: FactKind) -> str | float | None:
+    return _text(value) if kind in (FactKind.TEXT, FactKind.HASH) else number_or_none(value)
 
 
 def _text(value: Any) -> str | None:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.session.data.kept_files import RunDates
-from console.session.data.record_file import FILE_NAME, WAIT_S, connected, is_busy, retrying, transaction
+from console.session.data.record_file import FILE_NAME, WAIT_S, connect_records, is_busy, retrying, transaction
 from console.session.data.run_story import GATHERED, MACHINE_S, POLLED, TELEMETRY_END
 from drivers.clock import boot_s
 from profiles.files import printable
@@ -63,13 +63,13 @@ class _Begin:
 
 
 @dataclass(frozen=True, slots=True)
-class _Gathered:
+class _GatheredRows:
     at_utc: str
     part: str
     rows: Rows
 
 
-_Item = _Event | _Begin | _Gathered | Poll
+_Item = _Event | _Begin | _GatheredRows | Poll
 _Statement = tuple[str, tuple[object, ...]]
 
 
@@ -123,9 +123,9 @@ class RunLog:
         """Add a poll of the cut."""
         self._put(poll)
 
-    def gathered(self, part: str, rows: Rows) -> None:
+    def add_window(self, part: str, rows: Rows) -> None:
         """Add a window that the controller has sampled, rows of `GATHERED_COLUMNS`."""
-        self._put(_Gathered(self.dates.now(), part, rows))
+        self._put(_GatheredRows(self.dates.now(), part, rows))
 
     def end_cut(self) -> None:
         """End the telemetry of the cut; the record then says how much there is of it."""
@@ -184,7 +184,7 @@ class RunLog:
     def _write(self, statements: Sequence[_Statement]) -> None:
         path = self._folder / FILE_NAME
         # For each write: what was removed or replaced meanwhile is found, and a full disk gets free again.
-        with closing(connected(path, "rw", WAIT_S)) as database:
+        with closing(connect_records(path, "rw", WAIT_S)) as database:
             database.execute("PRAGMA synchronous=NORMAL")  # others wait for the lock, not for the disk
             until_s = time.monotonic() + WRITE_TIMEOUT_S
             retrying(lambda: transaction(database, statements), until_s)
@@ -200,7 +200,7 @@ class RunLog:
             polls = []
             if isinstance(item, _Begin):
                 self._cut, self._kept = item, 0
-            elif isinstance(item, _Gathered):
+            elif isinstance(item, _GatheredRows):
                 found.append(self._rows(item.part, GATHERED, item.at_utc, item.rows))
             elif (values := item.work()) is not None:
                 timed = {MACHINE_S: item.machine_s, **values}
@@ -229,10 +229,10 @@ class RunLog:
 
 def event_statement(run_id: str, at_utc: str, kind: str, data: Mapping[str, object]) -> _Statement:
     """Return the statement that adds an event to a run."""
-    return _EVENT, (run_id, at_utc, kind, shown(data), run_id)
+    return _EVENT, (run_id, at_utc, kind, event_json(data), run_id)
 
 
-def shown(data: Mapping[str, object]) -> str:
+def event_json(data: Mapping[str, object]) -> str:
     """Return the values of an event as JSON."""
     found = json.dumps(data, ensure_ascii=False)
     # A file name need not be valid text; escaped, it can be stored.

@@ -18,7 +18,7 @@ MODEL = "none"
 NOT_PROVEN = "not_proven"  # of `CutJudgement`, which takes numpy with it
 
 
-class How(StrEnum):
+class RunOutcome(StrEnum):
     """How a run ended."""
 
     DONE = "done"
@@ -32,14 +32,14 @@ class How(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ending:
+class RunEnding:
     """How a run ended, after how many turns of the cut, and the reason: a code, or the name of a stop.
 
     `by` is who stopped it: the name of the operator, "console", or a signal; empty where that is not recorded.
     `problems` are those of an early end, whose codes are its reason.
     """
 
-    how: How
+    how: RunOutcome
     turn: float | None = None
     reason: str = ""
     by: str = ""
@@ -68,7 +68,7 @@ class RunRow:
     stage: str | None = None
     compensation: str | None = None
     inverted: str | None = None
-    ended: Ending = Ending(how=How.OPEN)
+    ended: RunEnding = RunEnding(how=RunOutcome.OPEN)
     ront_um: float | None = None
     tolerance_um: float | None = None
     diameter_mm: float | None = None
@@ -86,7 +86,9 @@ class RunRow:
 
 REASONS, PROBLEMS = "reasons", "problems"  # keys of events: codes, and all that is known
 
-FAILED_HOW = frozenset({How.HELD, How.EARLY, How.STOPPED, How.FAILED, How.KILLED})
+FAILED_HOW = frozenset(
+    {RunOutcome.HELD, RunOutcome.EARLY, RunOutcome.STOPPED, RunOutcome.FAILED, RunOutcome.KILLED}
+)
 
 _INVERTED, _MODEL_RESPONSE = "inverted", "model"
 COMPLETE = ("result", "cut")
@@ -173,7 +175,11 @@ def _row(run: Sequence[Any], ends: list[Event], part: dict[str, Any] | None, *, 
     run_id, started, job, machine, simulated, strategy, operator, stage, compensation, tolerance_um, setup = run
     figures = {**(part or {})}
     limit_um, passed = figures.pop("tolerance_um", None), figures.pop("passed", None)
-    made = _made(ends) if stage is None else (stage, MODEL if compensation is None else str(compensation))
+    made = (
+        _stage_and_compensation(ends)
+        if stage is None
+        else (stage, MODEL if compensation is None else str(compensation))
+    )
     begun, ahead = date_of(started)
     return RunRow(
         run_id=run_id,
@@ -210,7 +216,7 @@ def date_of(text: str) -> tuple[datetime, bool]:
         return datetime.min.replace(tzinfo=UTC), True
 
 
-def _made(ends: list[Event]) -> tuple[str | None, str | None]:
+def _stage_and_compensation(ends: list[Event]) -> tuple[str | None, str | None]:
     """Return stage and compensation of a run of schema 1, which has them in some of its events."""
     for _, data in reversed(ends):
         event = table_of(data)
@@ -221,29 +227,35 @@ def _made(ends: list[Event]) -> tuple[str | None, str | None]:
     return None, None
 
 
-def _ending(ends: list[Event]) -> Ending:
+def _ending(ends: list[Event]) -> RunEnding:
     """Return how a run ended. The first end counts: a stop after a whole cut does not undo it."""
     kinds = [kind for kind, _ in ends]
     whole = next((table_of(data) for kind, data in ends if kind in COMPLETE), None)
     if whole is not None:
-        return Ending(how=How.DONE, turn=number_or_none(whole.get("turn")))
+        return RunEnding(how=RunOutcome.DONE, turn=number_or_none(whole.get("turn")))
     for kind, data in ends:
         event = table_of(data)
         turn, reason = number_or_none(event.get("turn", event.get("turns"))), str(event.get("reason", ""))
         if kind == "held":
-            return Ending(how=How.HELD, turn=turn)
+            return RunEnding(how=RunOutcome.HELD, turn=turn)
         if kind == "ended_early":
             told = recorded_problems(event)
             codes = ", ".join(each.code for each in told)
-            return Ending(how=How.EARLY, turn=turn, reason=codes, problems=told)
+            return RunEnding(how=RunOutcome.EARLY, turn=turn, reason=codes, problems=told)
         by = str(event.get("by") or "")
         if kind == "stopped" and "started" in kinds:
-            return Ending(how=How.STOPPED, turn=turn, reason=reason, by=by)
+            return RunEnding(how=RunOutcome.STOPPED, turn=turn, reason=reason, by=by)
         if kind == "ended":
-            how = How.KILLED if reason == "killed" else How.STOPPED if event.get("stopped") else How.FAILED
-            return Ending(how=how, turn=turn, reason="" if how is How.KILLED else reason, by=by)
+            how = (
+                RunOutcome.KILLED
+                if reason == "killed"
+                else RunOutcome.STOPPED
+                if event.get("stopped")
+                else RunOutcome.FAILED
+            )
+            return RunEnding(how=how, turn=turn, reason="" if how is RunOutcome.KILLED else reason, by=by)
     not_started = "armed" in kinds and "started" not in kinds
-    return Ending(how=How.NOT_STARTED if not_started else How.OPEN)
+    return RunEnding(how=RunOutcome.NOT_STARTED if not_started else RunOutcome.OPEN)
 
 
 def problem_events(problems: Iterable[Problem]) -> dict[str, object]:

@@ -75,7 +75,7 @@ class AlarmStory:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Telemetry:
+class RecordedTelemetry:
     """Telemetry of one cut, or a gathered window: M `rows` of `columns`, float32, shape (M, len(columns)).
 
     `part` names the cut as in `RecordedPart`, `begun` (UTC) is that of its first block.
@@ -123,7 +123,7 @@ class RunStory:
     setup: Mapping[str, Any]
     events: tuple[RunEvent, ...] = field(repr=False)
     parts: tuple[RecordedPart, ...]
-    telemetry: tuple[Telemetry, ...]
+    telemetry: tuple[RecordedTelemetry, ...]
     damaged: tuple[str, ...] = ()
 
     @property
@@ -154,7 +154,7 @@ class RunStory:
         return self._of_kind(COMMAND)
 
     @property
-    def accepted(self) -> tuple[RunEvent, ...]:
+    def accepted_steps(self) -> tuple[RunEvent, ...]:
         """The learning steps that were accepted from its part."""
         return self._of_kind(ACCEPTED)
 
@@ -289,10 +289,10 @@ def _text(database: sqlite3.Connection, sha256: str | None) -> str | None:
 
 def _trace(database: sqlite3.Connection, run_id: str, number: int, most_bytes: int) -> bytes | None:
     found = database.execute(_TRACE, (run_id, number)).fetchone()
-    return None if found is None else _unpacked(found[0], most_bytes)
+    return None if found is None else _unpack_trace(found[0], most_bytes)
 
 
-def _unpacked(content: bytes, most_bytes: int) -> bytes:
+def _unpack_trace(content: bytes, most_bytes: int) -> bytes:
     """Return a trace as its file had it. Raises zlib.error; ValueError: it is cut short, or has more bytes."""
     unpacker = zlib.decompressobj()
     found = unpacker.decompress(content, most_bytes + 1)
@@ -301,13 +301,15 @@ def _unpacked(content: bytes, most_bytes: int) -> bytes:
     return found
 
 
-def _telemetry(found: Iterable[Sequence[Any]]) -> tuple[Telemetry, ...]:
+def _telemetry(found: Iterable[Sequence[Any]]) -> tuple[RecordedTelemetry, ...]:
     """Join the blocks of each cut; ValueError of a block that is no whole number of rows."""
     blocks: dict[tuple[str, str], tuple[str, list[NDArray[np.float32]]]] = {}
     for part, kind, begun, data in found:
         rows = np.frombuffer(data, dtype="<f4").reshape(-1, len(COLUMNS[kind]))
         blocks.setdefault((part, kind), (begun, []))[1].append(rows)
     return tuple(
-        Telemetry(part=part, kind=kind, begun=date_of(begun)[0], columns=COLUMNS[kind], rows=np.concatenate(rows))
+        RecordedTelemetry(
+            part=part, kind=kind, begun=date_of(begun)[0], columns=COLUMNS[kind], rows=np.concatenate(rows)
+        )
         for (part, kind), (begun, rows) in blocks.items()
     )

@@ -16,7 +16,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from console.session.data.kept_files import file_error, make_folder
-from drivers.commissioning.judged import Judged
+from drivers.commissioning.checked_configuration import CheckedConfiguration
 from drivers.commissioning.proofs.bench import ProofRig
 from drivers.commissioning.stop_record import StopRecord, StopsNow, record_problems, stop_key
 from drivers.commissioning.verification import read_of_machine
@@ -111,7 +111,7 @@ def simulated_record(machine: MachineProfile, dialect: Dialect, now: date) -> St
     link = MemoryLink(sim.connect(), sim)
     client = PmacClient(link, sim)
     version, kind = client.connect()
-    judged = Judged(configuration=read_of_machine(client, machine, dialect), machine=machine)
+    judged = CheckedConfiguration(configuration=read_of_machine(client, machine, dialect), machine=machine)
     try:
         stops = prove_stops(ProofRig(client=client, stop=StopPath(link), clock=sim, judged=judged))
     except DriverError:

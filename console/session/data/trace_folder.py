@@ -21,7 +21,7 @@ def trace_folder(data: Path) -> Path:
     return folder
 
 
-def offered(folder: Path) -> tuple[Path, ...]:
+def list_trace_files(folder: Path) -> tuple[Path, ...]:
     """Return the files in a folder, newest first by their date of change; hidden ones and folders are left out.
 
     Raises ProfileError: `file.unreadable`, the folder cannot be read.

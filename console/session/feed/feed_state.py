@@ -12,7 +12,7 @@ from datetime import datetime
 from typing import Any
 
 from console.session.cut.cut_verdict import CutJudgement
-from console.session.feed.observed import RUN, SCREENS
+from console.session.feed.observed_state import RUN, SCREENS
 from console.session.feed.request import SCHEMA
 from console.session.station.state import Activity
 from profiles.files import printable

@@ -13,16 +13,16 @@ from statistics import linear_regression
 from typing import Protocol
 
 from console.session.cut.cut_verdict import CutVerdict
-from console.session.cut.engine import Step
+from console.session.cut.engine import PartStep
 from console.session.cut.recording import CutRecorder
-from console.session.feed.observed import RUN, Observed, ShownCut
+from console.session.feed.observed_state import RUN, ObservedState, ShownCut
 from console.session.station.actions import alarm_events
-from console.session.station.alarms import AT_REST, IN_PROGRAM, Alarms, Priority, raised, with_faults
+from console.session.station.alarms import AT_REST, IN_PROGRAM, Alarms, Priority, raise_alarm, with_faults
 from console.session.station.state import Activity, StationState, StopState
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
+from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -32,13 +32,13 @@ from profiles.traces import Trace
 POLLS = 40  # about a second of polls, over which the speed is averaged
 
 _ACTIVITIES = {
-    Step.LOAD: Activity.WRITING,
-    Step.CHECK: Activity.VERIFYING,
-    Step.ALIGN: Activity.HOMING,
-    Step.ARM: Activity.ARMING,
-    Step.CUT: Activity.CUTTING,
-    Step.RETRACT: Activity.RETRACTING,
-    Step.MEASURE: Activity.MEASURING,
+    PartStep.LOAD: Activity.WRITING,
+    PartStep.CHECK: Activity.VERIFYING,
+    PartStep.ALIGN: Activity.HOMING,
+    PartStep.ARM: Activity.ARMING,
+    PartStep.CUT: Activity.CUTTING,
+    PartStep.RETRACT: Activity.RETRACTING,
+    PartStep.MEASURE: Activity.MEASURING,
 }
 Note = Callable[[str, Mapping[str, object]], object]
 """Adds an event to the record of the run; returns at once."""
@@ -79,7 +79,7 @@ class RunAlarms:
         after = with_faults(faults, snapshot.axis_faults, snapshot.at_s, during)
         if loss is not None:
             before = tuple(alarm for alarm in self.standing if alarm.problem == loss)
-            after = (*after, *before) if before else raised(after, loss, Priority.HIGH, snapshot.at_s)
+            after = (*after, *before) if before else raise_alarm(after, loss, Priority.HIGH, snapshot.at_s)
         after = tuple(alarm for alarm in after if alarm.active)
         for kind, data in alarm_events(self.standing, after):
             self._note(kind, data)
@@ -96,18 +96,20 @@ class FollowedRun(CutRecorder):
         self.stop: StopPath | None = None
         self.alarms = alarms or RunAlarms()
         self._run, self._recorder = run, recorder
-        self._state = StationState(machine=run.machine.name, simulated=run.simulated, standing=Standing.OBSERVER)
+        self._state = StationState(
+            machine=run.machine.name, simulated=run.simulated, standing=ConsoleRole.OBSERVER
+        )
         self._polls: deque[Snapshot] = deque(maxlen=POLLS)
         self._cut: tuple[CutPlan, Job, MachineProfile] | None = None
         self._parts = 0
         self._verdict: CutVerdict | None = None
 
-    def told(self, step: Step) -> None:
+    def take_step(self, step: PartStep) -> None:
         """Take a step of a part, which begins; the program of a cut that is retracted has made its part."""
-        self._parts += step is Step.RETRACT and not self._run.air
-        self._state = replace(self._state, activity=_ACTIVITIES[step], standing=Standing.OWNER)
+        self._parts += step is PartStep.RETRACT and not self._run.air
+        self._state = replace(self._state, activity=_ACTIVITIES[step], standing=ConsoleRole.OWNER)
 
-    def seen(self, snapshot: Snapshot) -> None:
+    def take_poll(self, snapshot: Snapshot) -> None:
         """Take a status poll."""
         if not self._polls or self._polls[-1] is not snapshot:
             self._polls.append(snapshot)
@@ -124,7 +126,7 @@ class FollowedRun(CutRecorder):
 
     def see(self, snapshot: Snapshot) -> None:
         """Take a status poll of the program."""
-        self.seen(snapshot)
+        self.take_poll(snapshot)
         self._recorder.see(snapshot)
 
     def end(self) -> None:
@@ -132,20 +134,20 @@ class FollowedRun(CutRecorder):
         self._cut = None
         self._recorder.end()
 
-    def judged(self, verdict: CutVerdict) -> None:
+    def record_verdict(self, verdict: CutVerdict) -> None:
         """Take the verdict on the cut that has ended."""
         self._verdict = verdict
-        self._recorder.judged(verdict)
+        self._recorder.record_verdict(verdict)
 
-    def gathered(self, batch: Batch) -> None:
+    def record_window(self, batch: Batch) -> None:
         """Pass on a window that the controller has sampled."""
-        self._recorder.gathered(batch)
+        self._recorder.record_window(batch)
 
-    def measured(self, job: Job, trace: Trace) -> None:
+    def record_measured_part(self, job: Job, trace: Trace) -> None:
         """Pass on the measured part."""
-        self._recorder.measured(job, trace)
+        self._recorder.record_measured_part(job, trace)
 
-    def observed(self, now_s: Callable[[], float] = time.monotonic) -> Observed:
+    def observe_state(self, now_s: Callable[[], float] = time.monotonic) -> ObservedState:
         """Return this moment, in the thread of the feed. Simulated time that is not real has no age.
 
         Whatever ends a run without an alarm ends this process, and the feed.
@@ -159,7 +161,7 @@ class FollowedRun(CutRecorder):
             activity = Activity.STOPPED if stop.proven else Activity.STOPPING
             state = replace(state, stop=stopped, activity=activity)
         state = replace(state, snapshot=newest, at_s=at_s, alarms=self.alarms.standing)
-        return Observed(
+        return ObservedState(
             state=replace(state, spindle_rpm=_rpm(polls, run.machine)),
             machine=run.machine,
             now_s=at_s,
@@ -168,7 +170,7 @@ class FollowedRun(CutRecorder):
             run_id=run.run_id,
             parts=self._parts,
             verdict=self._verdict,
-            cut=None if cut is None or newest is None else _shown(newest, *cut),
+            cut=None if cut is None or newest is None else _describe_cut(newest, *cut),
         )
 
 
@@ -182,7 +184,7 @@ def _rpm(polls: list[Snapshot], machine: MachineProfile) -> float | None:
     return 60.0 * linear_regression([poll.at_s for poll in same], turns).slope
 
 
-def _shown(snapshot: Snapshot, plan: CutPlan, job: Job, machine: MachineProfile) -> ShownCut:
+def _describe_cut(snapshot: Snapshot, plan: CutPlan, job: Job, machine: MachineProfile) -> ShownCut:
     """Return how far a program is, by the place of the carriage; the error of the tool against its target path."""
     end = plan.carriage_start + plan.setup.carriage_counts
     left_mm = (end - snapshot.carriage.position) / machine.carriage.counts_per_mm

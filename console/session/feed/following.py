@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from console.session.feed.feed_state import FeedState, rank, read_state
-from console.session.feed.place import connected, feeds
+from console.session.feed.place import connect_feed, feeds
 from console.session.feed.request import SCHEMA, request_line
 from profiles.files import printable
 from profiles.problem import Problem
@@ -31,13 +31,13 @@ Warn = Callable[[Problem], object]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Heard:
+class ReceivedState:
     """A state of the feed, and when it came (`time.monotonic`)."""
 
     state: FeedState
     came_s: float
 
-    def aged(self, now_s: float) -> FeedState:
+    def age_state(self, now_s: float) -> FeedState:
         """Return the state with the age that its values have now."""
         age_s = self.state.age_s
         return replace(self.state, age_s=None if age_s is None else age_s + now_s - self.came_s)
@@ -90,7 +90,7 @@ def not_one(path: Path, value: str) -> Problem:
     return Problem(code="feed.not_one", where=printable(str(path)), value=printable(value, 100), limit=str(SCHEMA))
 
 
-def closed(path: Path, error: OSError) -> Problem:
+def closed_feed_problem(path: Path, error: OSError) -> Problem:
     """Return that a feed cannot be read."""
     return Problem(code="feed.closed", where=printable(str(path)), value=error.strerror or str(error))
 
@@ -112,7 +112,7 @@ class Follower:
         self._data, self._hz, self._wanted, self._seen = data, hz, wanted, seen
         self._warn, self._warned = warn, set[tuple[str, str]]()
         self._streams: dict[Path, Stream] = {}
-        self.newest: dict[Path, Heard] = {}
+        self.newest: dict[Path, ReceivedState] = {}
         self._left: set[Path] = set()  # work another machine, or publish something else
         self._scanned_s = float("-inf")
 
@@ -121,7 +121,7 @@ class Follower:
         for path in list(self._streams):
             self._drop(path)
 
-    def settle(self) -> list[Heard]:
+    def settle(self) -> list[ReceivedState]:
         """Wait until each console that runs has sent a state, or is silent; return the states."""
         until_s, waiting = time.monotonic() + SILENT_S, {self._data}
         while waiting and time.monotonic() < until_s:
@@ -129,9 +129,9 @@ class Follower:
             waiting = self._streams.keys() - self.newest.keys()
         for path in waiting:
             self._complain(not_one(path, f"> {SILENT_S:g} s"))
-        return self.heard()
+        return self.newest_states()
 
-    def wait(self, timeout_s: float) -> Heard | None:
+    def wait(self, timeout_s: float) -> ReceivedState | None:
         """Wait for something new, at most so long; return the newest state of the machine, None without a console.
 
         Of several consoles on one machine it is that which controls it, else the one with the newest values.
@@ -144,9 +144,9 @@ class Follower:
         ready, _, _ = select.select(list(paths), [], [], timeout_s)
         for stream in ready:
             self._take(paths[stream], stream)
-        return max(self.heard(), key=lambda each: rank(each.state), default=None)
+        return max(self.newest_states(), key=lambda each: rank(each.state), default=None)
 
-    def heard(self) -> list[Heard]:
+    def newest_states(self) -> list[ReceivedState]:
         """Return the newest state of each console that is not silent."""
         now_s = time.monotonic()
         return [each for each in self.newest.values() if now_s - each.came_s < SILENT_S]
@@ -159,7 +159,7 @@ class Follower:
         try:
             found = set(feeds(self._data))
         except OSError as error:
-            self._complain(closed(self._data, error))
+            self._complain(closed_feed_problem(self._data, error))
             return
         self._left &= found
         for path in sorted(found - self._left - set(self._streams)):
@@ -167,11 +167,11 @@ class Follower:
 
     def _join(self, path: Path) -> None:
         try:
-            link = connected(path, CONNECT_S)
+            link = connect_feed(path, CONNECT_S)
         except (ConnectionError, FileNotFoundError, TimeoutError, BlockingIOError):
             return  # it was killed, ends now, or is too busy: the next look tells
         except OSError as error:
-            self._complain(closed(path, error))
+            self._complain(closed_feed_problem(path, error))
             return
         try:
             self._streams[path] = Stream(path, link, self._hz, self._complain)
@@ -189,7 +189,7 @@ class Follower:
                     self._left.add(path)
                     return
                 before = self.newest.get(path)
-                self.newest[path] = Heard(state=state, came_s=time.monotonic())
+                self.newest[path] = ReceivedState(state=state, came_s=time.monotonic())
                 self._seen(None if before is None else before.state, state)
         except OSError:
             self._drop(path)

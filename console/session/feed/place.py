@@ -20,7 +20,7 @@ LONGEST_PATH = 107  # bytes of the path of a socket that Linux has room for
 MOST_OF_A_PROCESS = 100  # names tried: a process of the same number may run in another container
 
 
-def claimed(data: Path, opened: ExitStack) -> socket.socket:
+def claim_place(data: Path, opened: ExitStack) -> socket.socket:
     """Return a socket that is bound to a place of this process, and does not listen yet; `opened` removes it.
 
     What killed consoles have left is removed first. Raises OSError.
@@ -34,7 +34,7 @@ def claimed(data: Path, opened: ExitStack) -> socket.socket:
     path.unlink(missing_ok=True)
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     opened.callback(listening.close)
-    with _short(path) as name:
+    with _short_socket_name(path) as name:
         listening.bind(name)
     opened.callback(_remove, path)
     path.chmod(rights)  # whatever the umask; before it listens, nobody can connect
@@ -61,12 +61,12 @@ def feeds(data: Path) -> list[Path]:
     return [data / FOLDER / name for name in sorted(names) if name.endswith(SOCKET)]
 
 
-def connected(path: Path, timeout_s: float) -> socket.socket:
+def connect_feed(path: Path, timeout_s: float) -> socket.socket:
     """Return a connection to a feed, with this timeout for each operation. Raises OSError."""
     link = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         link.settimeout(timeout_s)
-        with _short(path) as name:
+        with _short_socket_name(path) as name:
             link.connect(name)
     except OSError:
         link.close()
@@ -88,7 +88,7 @@ def _own_lock(folder: Path, rights: int, opened: ExitStack) -> Path:
 
 
 @contextmanager
-def _short(path: Path) -> Iterator[str]:
+def _short_socket_name(path: Path) -> Iterator[str]:
     """Yield a name of a socket that the system has room for, however long the path of its folder."""
     if len(os.fsencode(path)) <= LONGEST_PATH:
         yield str(path)

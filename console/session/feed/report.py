@@ -18,7 +18,7 @@ from console.session.feed.feed_state import (
     FeedState,
     FeedStep,
 )
-from console.session.feed.observed import RUN, Observed, ShownCut
+from console.session.feed.observed_state import RUN, ObservedState, ShownCut
 from console.session.feed.request import SCHEMA
 from console.session.station.alarms import Alarm
 from console.session.station.jogging import counts_per_unit, tool_radius_mm
@@ -37,7 +37,7 @@ def line_of(values: dict[str, Any]) -> bytes:
     return json.dumps(values, allow_nan=False, separators=(",", ":")).encode("ascii") + b"\n"
 
 
-def report(observed: Observed, *, process: int, operator: str, at_utc: str) -> FeedState:
+def report(observed: ObservedState, *, process: int, operator: str, at_utc: str) -> FeedState:
     """Return the state at a moment; `operator` is whoever works this console."""
     state, cut = observed.state, observed.shown_cut
     age_s = state.age_s(observed.now_s)
@@ -58,7 +58,7 @@ def report(observed: Observed, *, process: int, operator: str, at_utc: str) -> F
         stale=state.is_stale(observed.now_s),
         spindle_rpm=_number(state.spindle_rpm, 3),
         axes=_axes(observed),
-        cut=_cut(cut),
+        cut=_feed_cut(cut),
         tool_error_um=_number(cut.tool_error_um, 3) if cut is not None and cut.stage == IN_PART else None,
         parts=observed.parts,
         run_id=observed.run_id,
@@ -90,7 +90,7 @@ def _controlled_by(state: StationState, operator: str) -> FeedOwner | None:
     return FeedOwner(number=state.holder, name=name, host=host)
 
 
-def _axes(observed: Observed) -> FeedAxes:
+def _axes(observed: ObservedState) -> FeedAxes:
     """Return the position of each axis, None before it is homed: the counts mean nothing then."""
     snapshot, machine = observed.state.snapshot, observed.machine
     places: dict[str, float | None] = dict.fromkeys(AxisName)
@@ -111,14 +111,14 @@ def _axes(observed: Observed) -> FeedAxes:
     )
 
 
-def _cut(cut: ShownCut | None) -> FeedCut | None:
+def _feed_cut(cut: ShownCut | None) -> FeedCut | None:
     if cut is None:
         return None
     left_s, turns = _number(cut.left_s, 1), _number(cut.turns, 2)
     return FeedCut(stage=cut.stage, turn=_number(cut.turn, 2), turns=turns, left_s=left_s)
 
 
-def _alarm(alarm: Alarm, observed: Observed) -> FeedAlarm:
+def _alarm(alarm: Alarm, observed: ObservedState) -> FeedAlarm:
     problem = alarm.problem
     return FeedAlarm(
         number=observed.numbers.get((problem.code, problem.key)),
@@ -135,7 +135,7 @@ def _alarm_state(alarm: Alarm) -> str:
     return "acknowledged" if alarm.acknowledged else "new"
 
 
-def _next(observed: Observed) -> FeedStep | None:
+def _next(observed: ObservedState) -> FeedStep | None:
     """Return the next step at the screens; `console run` asks nobody for one."""
     if observed.program == RUN:
         return None

@@ -19,8 +19,8 @@ from console.session.bounded_server import BoundedServer, ProtocolFactory, aband
 from console.session.data.kept_files import utc_now
 from console.session.errors import fault_problem
 from console.session.feed.feed_state import FeedState
-from console.session.feed.observed import Observed
-from console.session.feed.place import claimed
+from console.session.feed.observed_state import ObservedState
+from console.session.feed.place import claim_place
 from console.session.feed.report import line_of, report
 from console.session.feed.request import FORM, LEAST_HZ, LONGEST_LINE, SCHEMA, asked_hz
 from console.session.operator import operator_name
@@ -37,7 +37,7 @@ SHARED_S = 0.05  # a line this young is sent to another reader, too: the cost do
 class FeedServer:
     """Publishes what `observe` returns from `launch` to `close`. It is called in the thread of the feed."""
 
-    def __init__(self, data: Path, observe: Callable[[], Observed]) -> None:
+    def __init__(self, data: Path, observe: Callable[[], ObservedState]) -> None:
         self._data, self._observe = data, observe
         self._line: tuple[float, bytes] = (float("-inf"), b"")
         self._server = BoundedServer(
@@ -67,7 +67,7 @@ class FeedServer:
         return (Problem(code="feed.not_served", where=printable(str(self._data)), value=value),)
 
     async def _listen(self, made: ProtocolFactory, opened: ExitStack) -> tuple[asyncio.Server, str]:
-        listening = claimed(self._data, opened)
+        listening = claim_place(self._data, opened)
         # Not `create_unix_server`: from Python 3.13 on that looks its name up, to remove it, and the short one of
         # a long path is gone by then. `opened` removes it.
         server = await asyncio.get_running_loop().create_server(made, sock=listening.dup())

@@ -10,11 +10,11 @@ from collections.abc import Callable
 from console.session.cut.alignment import AlignStep, force_problems, step_problems, table_problems
 from console.session.cut.jaw_by_indicator import READINGS, allowed_spread_deg, spread_problem
 from console.session.guide.measured_part import why_not_accepted, why_not_reverted
-from console.session.guide.rows import Condition, Row, always, at_step
-from console.session.guide.situation import Phase, Situation, phase_of
+from console.session.guide.rows import Condition, Row, at_step, is_always_due
+from console.session.guide.situation import GuidePhase, Situation, phase_of
 from console.session.guide.start_checks import failing
 from console.session.guide.waiting import wait_problems, waiting
-from console.session.station.adjusting import hold_refusal
+from console.session.station.adjustment import hold_refusal
 from console.session.station.commands import HoldFeed, ResumeFeed
 from console.session.station.jogging import no_retract
 from console.session.station.state import Activity
@@ -31,7 +31,7 @@ LOOKS = frozenset(
 _OF_CHOOSER = ("up", "down", "page_up", "page_down", "first", "last", "path", "state", "direction", "mark")
 
 
-def refused(action: str, now: Situation, key: str = "") -> Problems:
+def find_refusals(action: str, now: Situation, key: str = "") -> Problems:
     """Return why an action cannot be done, empty if it can; `key` is how its key is written."""
     for when, problems in AGAINST.get(action, ()):
         if when(now):
@@ -41,8 +41,8 @@ def refused(action: str, now: Situation, key: str = "") -> Problems:
 
 def why_not(row: Row, now: Situation) -> Problems:
     """Return why the key of a step does nothing now, else what a cut cannot start without, until it starts."""
-    against = refused(row.key or "", now)
-    is_start = row.key is None or row.word.startswith("inspect.") or phase_of(now.state) is Phase.CUTTING
+    against = find_refusals(row.key or "", now)
+    is_start = row.key is None or row.word.startswith("inspect.") or phase_of(now.state) is GuidePhase.CUTTING
     return against if against or is_start else failing(now.checks)
 
 
@@ -50,7 +50,7 @@ def _because(code: str, key: str = "", limit: str = "") -> Callable[[Situation],
     return lambda _: (Problem(code=code, key=key, limit=limit),)
 
 
-def _nothing(_: Situation) -> Problems:
+def _never_refused(_: Situation) -> Problems:
     return ()
 
 
@@ -122,7 +122,7 @@ _BESIDE = _because("alignment.beside_part", key="tool")
 _ALIGN: dict[str, tuple[Against, ...]] = {
     "align.step": (
         (lambda s: s.step is AlignStep.CLAMP and s.must_come_out, _come_out),
-        (lambda s: s.step is AlignStep.CLAMP and (s.drives_on or s.ended_early), _nothing),
+        (lambda s: s.step is AlignStep.CLAMP and (s.drives_on or s.ended_early), _never_refused),
         (lambda s: s.step in (AlignStep.TOUCH_OFF, None) and s.work is None, _because("screen.nothing_to_align")),
         (at_step(None), _because("screen.aligned")),
         (at_step(AlignStep.CLAMP), _because("screen.enter_does_it")),
@@ -135,17 +135,17 @@ _ALIGN: dict[str, tuple[Against, ...]] = {
         (lambda s: s.step is AlignStep.DRIVES and not s.drives_on, _clamping),
         (lambda s: s.step is AlignStep.JAW and bool(s.alignment.flanks), _spread),
         (lambda s: s.step is AlignStep.TOUCH_OFF and not s.over_part, _BESIDE),
-        (at_step(AlignStep.JAW, AlignStep.TOUCH_OFF), _nothing),
+        (at_step(AlignStep.JAW, AlignStep.TOUCH_OFF), _never_refused),
         (at_step(None), _because("screen.aligned")),
-        (always, _because("screen.f4_does_it")),
+        (is_always_due, _because("screen.f4_does_it")),
     ),
     "align.enable": (),
     "align.back": ((lambda s: not _can_take_back(s), _because("screen.nothing_to_take_back")),),
     "align.goto": (
-        (_knows_axes, _nothing),
+        (_knows_axes, _never_refused),
         # Without drives or zeros a target would mean nothing.
         (lambda s: not s.alignment.drives_on, _because("alignment.drives_off")),
-        (always, _because("alignment.not_homed")),
+        (is_always_due, _because("alignment.not_homed")),
     ),
     "align.flank": (
         _NO_JOB,
@@ -166,14 +166,18 @@ _ALIGN: dict[str, tuple[Against, ...]] = {
 }
 
 _RUN: dict[str, tuple[Against, ...]] = {
-    "run.arm": ((lambda s: s.state.armed is not None, _nothing), _WAITS, (always, lambda s: failing(s.checks))),
+    "run.arm": (
+        (lambda s: s.state.armed is not None, _never_refused),
+        _WAITS,
+        (is_always_due, lambda s: failing(s.checks)),
+    ),
     "run.start": (
-        (lambda s: s.state.paused, _nothing),
+        (lambda s: s.state.paused, _never_refused),
         (lambda s: not _is_armed(s), _because("screen.not_armed")),
         _WAITS,
     ),
-    "run.feed_hold": ((always, lambda s: _one(hold_refusal(HoldFeed(), s.state))),),
-    "run.one_turn": ((always, lambda s: _one(hold_refusal(ResumeFeed(one_turn=True), s.state))),),
+    "run.feed_hold": ((is_always_due, lambda s: _one(hold_refusal(HoldFeed(), s.state))),),
+    "run.one_turn": ((is_always_due, lambda s: _one(hold_refusal(ResumeFeed(one_turn=True), s.state))),),
     "run.hold": (
         (
             lambda s: s.state.activity is not Activity.CUTTING or s.state.cut is None,
@@ -181,7 +185,7 @@ _RUN: dict[str, tuple[Against, ...]] = {
         ),
         (lambda s: s.state.cut is not None and s.state.cut.holding, _because("screen.holding_already")),
     ),
-    "run.retract": (_WAITS, (lambda s: s.clears_tables, _nothing), (always, _no_retract)),
+    "run.retract": (_WAITS, (lambda s: s.clears_tables, _never_refused), (is_always_due, _no_retract)),
 }
 
 _INSPECT: dict[str, tuple[Against, ...]] = {
@@ -190,13 +194,13 @@ _INSPECT: dict[str, tuple[Against, ...]] = {
         (lambda s: s.state.moving, _because("machine.moving")),
         (lambda s: not s.state.cut_done, _because("session.nothing_cut")),
     ),
-    "inspect.accept": ((always, lambda s: why_not_accepted(s.state.measured, s.work)),),
-    "inspect.revert": ((always, lambda s: why_not_reverted(s.work)),),
+    "inspect.accept": ((is_always_due, lambda s: why_not_accepted(s.state.measured, s.work)),),
+    "inspect.revert": ((is_always_due, lambda s: why_not_reverted(s.work)),),
     "inspect.offset": (
         (lambda s: s.state.measured is not None and s.state.measured.tool_offset_um is not None, _wait),
         (lambda s: bool(_size_doubt(s)), _size_doubt),
         (lambda s: s.state.measured is None, _because("trace.no_part", limit="# radius_mm: R")),
-        (always, _because("offset.no_size", limit="# radius_mm: R")),
+        (is_always_due, _because("offset.no_size", limit="# radius_mm: R")),
     ),
     "inspect.import": (
         (lambda s: s.work is None, _because("screen.nothing_to_cut")),
@@ -204,7 +208,7 @@ _INSPECT: dict[str, tuple[Against, ...]] = {
     ),
     "inspect.export": (_NO_PART,),
     **{action: (_NO_PART,) for action in LOOKS},
-    **{f"inspect.{name}": ((always, _because("screen.traces_closed")),) for name in _OF_CHOOSER},
+    **{f"inspect.{name}": ((is_always_due, _because("screen.traces_closed")),) for name in _OF_CHOOSER},
 }
 
 AGAINST = {**{action: (_WAITS, *rows) for action, rows in _ALIGN.items()}, **_RUN, **_INSPECT}

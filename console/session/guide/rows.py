@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from console.session.cut.alignment import AlignStep, force_problems
 from console.session.cut.jaw_by_indicator import READINGS
 from console.session.guide.measured_part import fails, follows_lobe, is_elsewhere, is_kept, is_taken, jaw_explains
-from console.session.guide.situation import Phase, Situation, phase_of
+from console.session.guide.situation import GuidePhase, Situation, phase_of
 from console.session.guide.start_checks import is_over
 from console.session.guide.waiting import waiting
 from console.session.stages import Stage
@@ -45,7 +45,7 @@ def row_of(table: tuple[Row, ...], now: Situation) -> Row:
     return next(row for row in table if row.when(now))
 
 
-def _when(condition: Condition, *rows: Row) -> tuple[Row, ...]:
+def _rows_under_condition(condition: Condition, *rows: Row) -> tuple[Row, ...]:
     """Return rows that apply only under a condition that they have in common."""
 
     def both(row: Row) -> Condition:
@@ -54,7 +54,7 @@ def _when(condition: Condition, *rows: Row) -> tuple[Row, ...]:
     return tuple(replace(row, when=both(row)) for row in rows)
 
 
-def always(_: Situation) -> bool:
+def is_always_due(_: Situation) -> bool:
     """Whether there is nothing to ask for."""
     return True
 
@@ -97,43 +97,43 @@ _WRONG = _part(lambda part, s: s.state.force is not None and s.state.force.contr
 
 ALIGN_STEPS = (
     Row("align.no_job", lambda s: s.job is None and s.step is None, "page.jobs"),
-    *_when(
+    *_rows_under_condition(
         lambda s: s.step is AlignStep.CLAMP and s.must_come_out,
         Row("align.table_clear", lambda s: s.clears_tables, "run.retract", do.ClearTables),
         Row("align.table_kill", lambda s: s.kills_tables, "align.off", do.DisableDrives),
         Row("align.table_off", lambda s: s.tables_on and s.loops_closed, "run.retract", do.Retract),
         Row("align.jog_out", lambda s: s.loops_closed, "align.enable"),
         Row("align.switch_on_to_table_off", lambda s: s.tables_on, "align.step", do.EnableDrives),
-        Row("align.switch_on_to_jog_out", always, "align.step", do.EnableDrives),
+        Row("align.switch_on_to_jog_out", is_always_due, "align.step", do.EnableDrives),
     ),
-    *_when(
+    *_rows_under_condition(
         lambda s: s.step is AlignStep.CLAMP and s.drives_on,
         Row("align.clamp_drives_on", lambda s: not s.ended_early or s.at_home, "align.step", do.DisableDrives),
         Row("align.clamp_left_on_unhomed", lambda s: s.homes_first, "align.step", do.Home),
-        Row("align.clamp_left_on", always, "run.retract", do.Retract),
+        Row("align.clamp_left_on", is_always_due, "run.retract", do.Retract),
     ),
-    *_when(
+    *_rows_under_condition(
         at_step(AlignStep.CLAMP),
         Row("align.clamp_left", lambda s: s.ended_early and s.alignment.homed, "align.step", do.EnableDrives),
         Row("align.clamp_left_unhomed", lambda s: s.ended_early, "align.step", do.EnableDrives),
         Row("align.clamp_refused", lambda s: s.job is not None and bool(force_problems(s.job)), "page.setup"),
     ),
-    *_when(
+    *_rows_under_condition(
         at_step(AlignStep.JAW),
         Row("align.jaw_flanks_all", lambda s: len(s.alignment.flanks) >= READINGS, "align.take", do.TakeJaw),
         Row("align.jaw_flanks", lambda s: bool(s.alignment.flanks), "align.flank", do.TakeFlank),
         Row("align.jaw_enable", lambda s: not s.state.jog_enabled, "align.enable"),
     ),
-    *_when(
+    *_rows_under_condition(
         at_step(AlignStep.TOUCH_OFF, None),
         Row("align.skimmed", lambda s: s.alignment.skim_counts is not None, "align.skim", do.TakeTouchOff),
     ),
-    *_when(
+    *_rows_under_condition(
         lambda s: s.step is AlignStep.TOUCH_OFF and s.over_part,
         Row("align.touch_off_scratched", _is_scratched, "align.out", do.Jog),
         Row("align.touch_off_touching", lambda s: s.touches, "align.take", do.TakeTouchOff),
         Row("align.touch_off_over_enable", lambda s: not s.state.jog_enabled, "align.enable"),
-        Row("align.touch_off_over", always, "align.in", do.Jog),
+        Row("align.touch_off_over", is_always_due, "align.in", do.Jog),
     ),
     Row("align.jaw_off", lambda s: s.step is None and s.jaw_off, "align.back", do.Forget),
     Row("align.verify", at_step(AlignStep.VERIFY), "align.step", do.Verify),
@@ -142,7 +142,7 @@ ALIGN_STEPS = (
     Row("align.home", at_step(AlignStep.HOME), "align.step", do.Home),
     Row("align.jaw", at_step(AlignStep.JAW), "align.take", do.TakeJaw),
     Row("align.touch_off", at_step(AlignStep.TOUCH_OFF), "align.step", do.Approach),
-    Row("align.valid", always, "page.run"),
+    Row("align.valid", is_always_due, "page.run"),
 )
 
 ALIGN = (
@@ -153,13 +153,13 @@ ALIGN = (
 )
 
 RUN = (
-    *_when(
-        lambda s: phase_of(s.state) is Phase.STOPPED,
+    *_rows_under_condition(
+        lambda s: phase_of(s.state) is GuidePhase.STOPPED,
         Row("run.stopped", lambda s: waiting(s.state) == "stopped", "recover", do.Recover),
-        Row("run.stopping", always),
+        Row("run.stopping", is_always_due),
     ),
-    *_when(
-        lambda s: phase_of(s.state) is Phase.CUTTING,
+    *_rows_under_condition(
+        lambda s: phase_of(s.state) is GuidePhase.CUTTING,
         Row("run.positioning", _in_stage(CutStage.POSITION)),
         Row("run.retracting", _in_stage(CutStage.RETRACT)),
         Row("run.holding", lambda s: s.state.cut is not None and s.state.cut.holding),
@@ -167,27 +167,27 @@ RUN = (
         Row("run.run_up", _in_stage(CutStage.RUN_UP)),
         Row("run.returning", lambda s: s.feed_hold is HoldState.COMES_IN),
         Row("run.hold_asked", lambda s: s.feed_hold is not None),
-        Row("run.cutting", always),
+        Row("run.cutting", is_always_due),
     ),
     Row("run.armed", lambda s: s.state.armed is not None, "run.start", do.Start),
     Row("run.loading", lambda s: s.state.loading_until_s is not None),
     Row("run.taken_out", lambda s: s.state.activity is Activity.RETRACTING),
     Row("run.moves", lambda s: s.state.activity is not Activity.READY and s.state.moving),
     Row("run.wait", lambda s: s.state.activity is not Activity.READY),
-    *_when(
-        lambda s: phase_of(s.state) is Phase.ENDED and is_over(s.state),
+    *_rows_under_condition(
+        lambda s: phase_of(s.state) is GuidePhase.ENDED and is_over(s.state),
         Row("run.measured", lambda s: not s.state.cut_done, "page.inspect"),
         Row("run.measure", lambda s: s.state.simulated, "page.inspect"),
-        Row("run.take_out", always, "align.off", do.DisableDrives),
+        Row("run.take_out", is_always_due, "align.off", do.DisableDrives),
     ),
-    *_when(
+    *_rows_under_condition(
         lambda s: s.tables_on,
         Row("run.table_clear", lambda s: s.clears_tables, "run.retract", do.ClearTables),
         Row("run.table_kill", lambda s: s.kills_tables, "align.off", do.DisableDrives),
         Row("run.table_off", lambda s: s.loops_closed, "run.retract", do.Retract),
-        Row("run.switch_on", always, "align.step", do.EnableDrives),
+        Row("run.switch_on", is_always_due, "align.step", do.EnableDrives),
     ),
-    *_when(
+    *_rows_under_condition(
         lambda s: s.left_in_part,
         Row("run.home_out", lambda s: not s.alignment.homed and s.loops_closed, "align.step", do.Home),
         Row("run.home_out_off", lambda s: not s.alignment.homed, "align.step", do.EnableDrives),
@@ -203,52 +203,60 @@ RUN = (
     Row("run.commission", _fails("commissioned"), "messages"),
     Row("run.align", lambda s: bool(s.first_failed), "page.align"),
     Row("run.arm_again", lambda s: s.state.touched is not None, "run.arm", do.Arm),
-    *_when(
+    *_rows_under_condition(
         lambda s: _in_air(s) and _in_stage(CutStage.DONE)(s) and s.work is not None and s.work.stage == Stage.AIR,
         Row("run.arm_air", lambda s: s.has_half, "preview.stage"),
-        Row("run.arm_air_no_half", always, "preview.stage"),
+        Row("run.arm_air_no_half", is_always_due, "preview.stage"),
     ),
-    Row("run.arm", always, "run.arm", do.Arm),
+    Row("run.arm", is_always_due, "run.arm", do.Arm),
 )
 
 INSPECT = (
     Row("inspect.wait", lambda s: s.state.activity is Activity.MEASURING),
     Row("inspect.cutting", lambda s: s.state.activity in (Activity.POSITIONING, Activity.CUTTING)),
-    *_when(
+    *_rows_under_condition(
         lambda s: s.state.measured is None,
         Row("inspect.air", lambda s: _in_air(s) and not s.state.cut_done and s.has_half, "preview.stage"),
         Row("inspect.air_no_half", lambda s: _in_air(s) and not s.state.cut_done, "preview.stage"),
         Row("inspect.measure", lambda s: s.state.cut_done and s.state.simulated, "inspect.measure", do.Measure),
         Row("inspect.measure_outside", lambda s: s.state.cut_done, "inspect.import", do.TakeTrace),
         Row("inspect.cut", lambda s: s.state.simulated, "page.run"),
-        Row("inspect.cut_outside", always, "page.run"),
+        Row("inspect.cut_outside", is_always_due, "page.run"),
     ),
-    *_when(
+    *_rows_under_condition(
         _part(lambda part, _: not part.strategy.traits.follows_lobe),
         Row("inspect.lobe_taken", lambda s: _TAKEN(s) and follows_lobe(s.work), "inspect.next"),
         Row("inspect.lobe_plain", _TAKEN, "preview.strategy"),
         Row("inspect.lobe", _HAS_LOBE, "inspect.accept"),
-        Row("inspect.no_lobe", always, "inspect.next"),
+        Row("inspect.no_lobe", is_always_due, "inspect.next"),
     ),
     Row("inspect.made_worse", lambda s: "learned.worse" in s.not_taught, "page.align"),
     Row("inspect.worse", lambda s: "learned.diverges" in s.not_taught, "inspect.revert"),
     Row("inspect.force", lambda s: _HALF(s) and _WRONG(s), "page.align"),
     Row("inspect.half", lambda s: _HALF(s) and _KEPT(s), "preview.stage"),
     Row("inspect.kept", _KEPT, "inspect.next"),
-    Row("inspect.check_jaw", lambda s: s.taught is not None and is_elsewhere(s.taught), "page.align"),
+    Row(
+        "inspect.check_jaw",
+        lambda s: s.learning_result is not None and is_elsewhere(s.learning_result),
+        "page.align",
+    ),
     Row("inspect.half_learn", lambda s: _HALF(s) and s.stands_out, "inspect.accept"),
     Row("inspect.half", _HALF, "preview.stage"),
-    *_when(
+    *_rows_under_condition(
         _part(lambda part, _: not fails(part)),
         Row("inspect.part_learn", lambda s: s.stands_out, "inspect.accept"),
         Row("inspect.diameter", _part(lambda part, s: _OFF_SIZE(s) and part.offset_taken), "inspect.next"),
         Row("inspect.offset", _OFF_SIZE, "inspect.offset", do.CorrectTouchOff),
-        Row("inspect.part", always, "inspect.next"),
+        Row("inspect.part", is_always_due, "inspect.next"),
     ),
-    Row("inspect.failed", lambda s: s.taught is None, "inspect.next"),
+    Row("inspect.failed", lambda s: s.learning_result is None, "inspect.next"),
     Row("inspect.failed_scatter", lambda s: not s.stands_out, "inspect.accept"),
-    Row("inspect.failed_jaw", lambda s: s.taught is not None and jaw_explains(s.taught), "page.align"),
-    Row("inspect.failed_learn", always, "inspect.accept"),
+    Row(
+        "inspect.failed_jaw",
+        lambda s: s.learning_result is not None and jaw_explains(s.learning_result),
+        "page.align",
+    ),
+    Row("inspect.failed_learn", is_always_due, "inspect.accept"),
 )
 
 
@@ -262,7 +270,7 @@ def _table_of(now: Situation) -> tuple[Row, ...]:
     state = now.state
     if waiting(state) in ("lost", "observing", "connecting"):
         return ALIGN
-    under_way = phase_of(now.state) in (Phase.STOPPED, Phase.CUTTING) or state.activity in (
+    under_way = phase_of(now.state) in (GuidePhase.STOPPED, GuidePhase.CUTTING) or state.activity in (
         Activity.ARMING,
         Activity.RETRACTING,
     )

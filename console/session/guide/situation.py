@@ -31,7 +31,7 @@ LEFT_STAGES = frozenset({CutStage.CUT, CutStage.PAUSED, CutStage.RETRACT})
 NEAR_MARK_DEG = 1.0  # distance from the mark beyond which jaw 1 was not turned to it
 
 
-class Phase(Enum):
+class GuidePhase(Enum):
     """Phases of a cut."""
 
     BEFORE = auto()
@@ -41,17 +41,17 @@ class Phase(Enum):
     LOST = auto()
 
 
-def phase_of(state: StationState) -> Phase:
+def phase_of(state: StationState) -> GuidePhase:
     """Return the phase in this state."""
     if state.activity is Activity.LOST:
-        return Phase.LOST
+        return GuidePhase.LOST
     if state.stop is not None:
-        return Phase.STOPPED
+        return GuidePhase.STOPPED
     if state.cut is None or state.armed is not None:
-        return Phase.BEFORE
+        return GuidePhase.BEFORE
     if state.cut.stage in ENDED:
-        return Phase.ENDED
-    return Phase.CUTTING if state.activity in (Activity.POSITIONING, Activity.CUTTING) else Phase.BEFORE
+        return GuidePhase.ENDED
+    return GuidePhase.CUTTING if state.activity in (Activity.POSITIONING, Activity.CUTTING) else GuidePhase.BEFORE
 
 
 def angle_deg(snapshot: Snapshot, machine: MachineProfile) -> float:
@@ -206,7 +206,7 @@ class Situation:
         return self.work is None or not without_half(Strategy(self.work.strategy))
 
     @property
-    def taught(self) -> LearningOutcome | None:
+    def learning_result(self) -> LearningOutcome | None:
         """What the measured part teaches; None where there are reasons against it."""
         part = self.state.measured
         learning = None if part is None else part.learning
@@ -222,4 +222,4 @@ class Situation:
     @property
     def stands_out(self) -> bool:
         """Whether more is left than the scatter of clampings, which alone is no reason to stay for a part."""
-        return self.taught is not None and not in_scatter(self.taught)
+        return self.learning_result is not None and not in_scatter(self.learning_result)

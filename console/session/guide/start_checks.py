@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from console.session.cut.alignment import aligned_job, aligned_machine, problems
-from console.session.cut.compensated import chosen_problems
+from console.session.cut.compensated_cut import chosen_problems
 from console.session.cut.interlocks import Interlock, of_drives, of_home, of_job, of_lobe
 from console.session.learning.fingerprint import expected_of
 from console.session.stages import Stage

@@ -10,14 +10,14 @@ from console.session.data.calibrations import Calibration, keep_job, store
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
 from profiles.calibration.lobe import INDEX, FoundLobe, find_lobe, with_lobe
-from profiles.calibration.plausible import Step, refuse_untyped, step_of
+from profiles.calibration.plausible import ImplausibleStep, refuse_untyped, step_of
 from profiles.files import printable
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import CONDITIONS, NAMES
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, load_job
-from profiles.strict_values import renamed
+from profiles.strict_values import rename_keys
 from profiles.traces import Trace
 
 LOBE_TAKEN = "lobe_taken"
@@ -119,7 +119,7 @@ def keep_lobe(
     return written, store(data, calibration)
 
 
-def lobe_step(job: Job, found: FoundLobe) -> Step | None:
+def lobe_step(job: Job, found: FoundLobe) -> ImplausibleStep | None:
     """Return the large step from the present lobe of a job, at its present force, to the fitted lobe."""
     at_force_um = job.lobe_error_um_pp * job.chucking_force_n / job.error_force_n
     return step_of("lobe_error_um_pp", found.fit.error_um_pp, (at_force_um,))
@@ -137,7 +137,7 @@ def lobe_record(found: FoundLobe) -> dict[str, object]:
         "simulated": found.simulated,
         "high_at_jaws": seen and seen.high_at_jaws,
         "mechanism": seen and seen.mechanism,
-        **renamed(asdict(fit), {"phase_deg": "crest_deg"}),
+        **rename_keys(asdict(fit), {"phase_deg": "crest_deg"}),
         "floor_um": fit.floor_um,
         "bias_um": fit.lobe.bias_um,
     }

@@ -30,7 +30,7 @@ NO_SCATTER = 1e-6
 """Scatter in % of the force, below which there is nothing but rounding."""
 
 
-def fitted(measured: MeasuredTable, machine: MachineProfile, *, affine: bool = False) -> ChuckFit:
+def fit_chuck_table(measured: MeasuredTable, machine: MachineProfile, *, affine: bool = False) -> ChuckFit:
     """Fit a table. Raises ProfileError: `calibration.*`, why it cannot be."""
     columns, meta = measured.columns, measured.meta
     if measured.kind is CalibrationKind.WRENCH:

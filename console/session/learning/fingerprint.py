@@ -17,24 +17,24 @@ from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import INVERTING, Strategy
 from drivers.identification.nominal import follows_by_order
 from profiles.axis.response import ServoResponse
-from profiles.compensations.learned import ClampingReading, LearnedCompensation, PartReading
+from profiles.compensations.learned_compensation import ClampingReading, LearnedCompensation, PartReading
 from profiles.compensations.learning import REPEATS_SD_UM
 from profiles.compensations.next_version import AppliedPath
 from profiles.compensations.optimal_gain import PRIOR_DEG, PRIOR_FRACTION
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath, PathHarmonic, free_state_lobe
-from profiles.fingerprint.lobe_filter import LobeFilter, Seen
+from profiles.fingerprint.lobe_filter import LobeFilter, MeasuredCoefficient
 from profiles.fingerprint.readings import ClampReadings
 from profiles.fingerprint.this_clamping import (
-    Clamped,
-    Felt,
+    ClampingCorrection,
+    ClampingFingerprint,
     clamped_by,
     clamped_orders,
     clamped_path,
-    felt,
+    evaluate_readings,
     known_lobe,
     ratio_of,
-    unexpected,
+    warn_of_surprise,
     with_added,
 )
 from profiles.job import Job
@@ -50,12 +50,12 @@ _MADE = re.compile(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fingerprint:
+class FingerprintedCut:
     """A cut with the fingerprint of its clamping: its path, what was found, and the line that says so."""
 
     path: CutPath
-    clamped: Clamped
-    felt: Felt
+    clamped: ClampingCorrection
+    felt: ClampingFingerprint
     made: str
 
 
@@ -68,7 +68,7 @@ def refuse_unusable(strategy: Strategy, stage: Stage, readings: ClampReadings | 
         raise SessionError(Problem(code="clamping.simulated"))
 
 
-def fingerprinted(
+def fingerprint_cut(
     readings: ClampReadings,
     aligned: Job,
     filed: Job,
@@ -78,7 +78,7 @@ def fingerprinted(
     path: CutPath | None = None,
     history: Sequence[LearnedCompensation] = (),
     inverted: ServoResponse | None = None,
-) -> Fingerprint:
+) -> FingerprintedCut:
     """Return a cut by the fingerprint of its clamping; `aligned` is the job with jaw 1 where it was found.
 
     `path` is the learned one, with jaw 1 as found, None for the model's; `history` the versions that led to it.
@@ -87,10 +87,10 @@ def fingerprinted(
     turn_deg, lobes = aligned.lobe_phase_deg - filed.lobe_phase_deg, filed.jaws
     before = path or nominal_path(aligned, machine, strategy, inverted)
     follows = follows_by_order(strategy, machine, aligned.spindle_speed_rpm, inverted)
-    found = _turned(felt(readings, aligned), lobes, -turn_deg)
+    found = _turn_fingerprint(evaluate_readings(readings, aligned), lobes, -turn_deg)
     if not strategy.traits.by_table:  # such a path has no order but the lobe
         found = replace(found, others={})
-    known = _replayed(filed, machine, history).clamped(REPEATS_SD_UM)
+    known = _replay_history(filed, machine, history).predict_clamping(REPEATS_SD_UM)
     _, clamped = clamped_by(known, found, before, lobes)
     added = {n: c * cmath.exp(-1j * n * math.radians(turn_deg)) for n, c in clamped.added_um.items()}
 
@@ -98,11 +98,11 @@ def fingerprinted(
         return follows(order).response
 
     mean = with_added(before, added, response)
-    return Fingerprint(
+    return FingerprintedCut(
         path=clamped_path(mean, lobes, clamped.ratio, response),
         clamped=clamped,
         felt=found,
-        made=_said(clamped, lobes),
+        made=_format_clamping(clamped, lobes),
     )
 
 
@@ -157,8 +157,8 @@ def expected_of(
 
     `job` has jaw 1 as found. Raises `ProfileError`: the readings do not suffice.
     """
-    known = _replayed(job, machine, () if learned is None else (learned,)).clamped(REPEATS_SD_UM)
-    return unexpected(known, felt(readings, job), job.jaws)
+    known = _replay_history(job, machine, () if learned is None else (learned,)).predict_clamping(REPEATS_SD_UM)
+    return warn_of_surprise(known, evaluate_readings(readings, job), job.jaws)
 
 
 def ratio_read(read: ClampingReading, lobes: int) -> complex:
@@ -166,12 +166,12 @@ def ratio_read(read: ClampingReading, lobes: int) -> complex:
     return cmath.rect(read.height, -lobes * math.radians(read.turn_deg))
 
 
-def _replayed(job: Job, machine: MachineProfile, history: Sequence[LearnedCompensation]) -> LobeFilter:
+def _replay_history(job: Job, machine: MachineProfile, history: Sequence[LearnedCompensation]) -> LobeFilter:
     """Return the estimate of the lobe by the job and its parts so far."""
     found = known_lobe(free_state_lobe(job).harmonics[0].coefficient, job, machine, PRIOR_FRACTION, PRIOR_DEG)
     for part in (each.part for each in history):
         if part is not None:
-            found = _with_part(found.clamped(REPEATS_SD_UM), part, job.jaws)
+            found = _with_part(found.predict_clamping(REPEATS_SD_UM), part, job.jaws)
     return found
 
 
@@ -179,14 +179,18 @@ def _with_part(known: LobeFilter, part: PartReading, lobes: int) -> LobeFilter:
     ratio = 1.0 + 0j
     if part.clamped is not None:
         ratio = ratio_read(part.clamped, lobes)
-        known = known.felt(Seen(value=part.clamped.felt.coefficient, sd_um=part.clamped.felt_sd_um))
+        known = known.update_by_fingerprint(
+            MeasuredCoefficient(value=part.clamped.felt.coefficient, sd_um=part.clamped.felt_sd_um)
+        )
     done = ratio * part.target.coefficient
     plain = ratio * part.lobe.coefficient + done
-    return known.measured(Seen(value=plain, sd_um=math.hypot(part.lobe_sd_um, REPEATS_SD_UM)), done)
+    return known.update_by_part(
+        MeasuredCoefficient(value=plain, sd_um=math.hypot(part.lobe_sd_um, REPEATS_SD_UM)), done
+    )
 
 
-def _turned(found: Felt, lobes: int, by_deg: float) -> Felt:
-    def turned(seen: Seen, order: int) -> Seen:
+def _turn_fingerprint(found: ClampingFingerprint, lobes: int, by_deg: float) -> ClampingFingerprint:
+    def turned(seen: MeasuredCoefficient, order: int) -> MeasuredCoefficient:
         turn = cmath.exp(-1j * order * math.radians(by_deg))
         return replace(seen, value=seen.value * turn, along=None if seen.along is None else seen.along * turn)
 
@@ -195,10 +199,10 @@ def _turned(found: Felt, lobes: int, by_deg: float) -> Felt:
     )
 
 
-def _said(clamped: Clamped, lobes: int) -> str:
+def _format_clamping(clamped: ClampingCorrection, lobes: int) -> str:
     """Return the line that says how a part was clamped, with the phases in spindle angle as in the job's file."""
     turn_deg = -math.degrees(cmath.phase(clamped.ratio)) / lobes
-    shown = PathHarmonic.of(lobes, clamped.felt.value)
+    shown = PathHarmonic.from_coefficient(lobes, clamped.felt.value)
     words = [
         f"height={abs(clamped.ratio):.6f}",
         f"turn={turn_deg:.4f}",
@@ -206,6 +210,6 @@ def _said(clamped: Clamped, lobes: int) -> str:
         f"sd={clamped.felt.sd_um:.4f}",
     ]
     for n, coefficient in sorted(clamped.added_um.items()):
-        order = PathHarmonic.of(n, coefficient)
+        order = PathHarmonic.from_coefficient(n, coefficient)
         words.append(f"{n}={order.amplitude_um:.4f}@{order.phase_deg:.4f}")
     return " ".join(words)

@@ -27,7 +27,7 @@ MOST_BEYOND = 0.01
 """Fraction of the parts beyond the limits above which a process is not stable; by chance it is 0.003."""
 
 
-class Figure(StrEnum):
+class ChartedQuantity(StrEnum):
     """The charted figure of each part."""
 
     RONT = "ront"
@@ -54,7 +54,7 @@ class JobChart:
     """
 
     parts: tuple[RecordedPart, ...]
-    figure: Figure
+    figure: ChartedQuantity
     job: str = ""
     strategy: str = ""
     others: int = 0
@@ -71,12 +71,12 @@ class JobChart:
     lobe: Trend | None = None
 
     @property
-    def alike(self) -> int:
+    def alike_count(self) -> int:
         """Number of parts made alike, up to the newest."""
         return len(self.values_um) - self.begins
 
     @property
-    def beyond(self) -> tuple[int, ...]:
+    def places_beyond_limits(self) -> tuple[int, ...]:
         """Places, among the values, of those beyond the limits."""
         return () if self.limits is None else tuple(self.begins + place for place in self.limits.beyond)
 
@@ -91,7 +91,7 @@ def list_like_parts(data: Path, row: RunRow) -> tuple[tuple[RecordedPart, ...], 
     return alike, len(found) - len(alike)
 
 
-def job_chart(parts: tuple[RecordedPart, ...], figure: Figure, *, judge: bool = True) -> JobChart:
+def job_chart(parts: tuple[RecordedPart, ...], figure: ChartedQuantity, *, judge: bool = True) -> JobChart:
     """Return the chart of one figure; without `judge`, no statistics that load scipy."""
     known = [(place, point) for place, point in enumerate(parts, 1) if _value_um(point, figure) is not None]
     values = tuple(value for _, point in known if (value := _value_um(point, figure)) is not None)
@@ -119,8 +119,8 @@ def job_chart(parts: tuple[RecordedPart, ...], figure: Figure, *, judge: bool = 
     )
 
 
-def _value_um(point: RecordedPart, figure: Figure) -> float | None:
-    return point.ront_um if figure is Figure.RONT else point.off_nominal_um
+def _value_um(point: RecordedPart, figure: ChartedQuantity) -> float | None:
+    return point.ront_um if figure is ChartedQuantity.RONT else point.off_nominal_um
 
 
 def _begins(points: Sequence[RecordedPart]) -> int:
@@ -139,10 +139,10 @@ def _begins(points: Sequence[RecordedPart]) -> int:
     return next(others, 0)
 
 
-def _tolerance_um(points: Sequence[RecordedPart], figure: Figure) -> tuple[float | None, float | None]:
+def _tolerance_um(points: Sequence[RecordedPart], figure: ChartedQuantity) -> tuple[float | None, float | None]:
     if not points:
         return None, None
-    if figure is Figure.RONT:
+    if figure is ChartedQuantity.RONT:
         return None, points[-1].tolerance_um
     off_um = points[-1].diameter_tolerance_um
     return (None, None) if off_um is None else (-off_um, off_um)

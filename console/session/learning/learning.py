@@ -13,15 +13,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from console.session.cut.engine import CutContext, Step
+from console.session.cut.engine import CutContext, PartStep
 from console.session.cut.run import (
     FILTER_UPR,
-    Beside,
+    CutObserver,
     CutOutcome,
     RunPlan,
     TellPart,
     cut_part,
-    planned,
+    plan_stage,
     roundness_of,
 )
 from console.session.errors import SessionError, refuse
@@ -37,19 +37,19 @@ from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from profiles.axis.friction import held_back_um
 from profiles.compensations.causes import OVAL
-from profiles.compensations.certificate import PROCESS_GAINS, Certified
+from profiles.compensations.certificate import PROCESS_GAINS, CertifiedOrder
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
     SIGNIFICANT,
     Deviation,
     HarmonicFit,
-    Watch,
+    HarmonicWatch,
     coefficient_of,
     fit_harmonics,
     learned_command,
     learned_part,
 )
-from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN, uncompensated
+from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN, compare_uncompensated
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import CutPath
 from profiles.compensations.push import NO_PUSH, Push
@@ -166,7 +166,7 @@ class _Learner:
         self._how = how
         self._folding = TrimFolding(plan.job.jaws)
         self._cutting = self._path  # of the present cut: that of the mean lobe, by its fingerprint
-        self._watch = Watch()
+        self._watch = HarmonicWatch()
         self._air_um: list[float] = []
         self._air_passes = 0
         self._in_air_at = self._path.target  # what the tool has followed in air
@@ -174,13 +174,13 @@ class _Learner:
 
     def reference(self) -> RoundnessResult:
         """Cut a part without compensation; a gauge that cannot measure it is refused now and not later."""
-        trace = self._plain(self._job, "before")
+        trace = self._cut_uncompensated(self._job, "before")
         self._teaching(trace)
         return roundness_of(trace)
 
     def floor(self) -> RoundnessResult:
         """Cut a part without a lobe and without compensation: the remaining error is the machine's own."""
-        return roundness_of(self._plain(replace(self._job, lobe_error_um_pp=0.0), "floor"))
+        return roundness_of(self._cut_uncompensated(replace(self._job, lobe_error_um_pp=0.0), "floor"))
 
     def _teaching(self, trace: Trace) -> PartHarmonics:
         """Return the harmonics of a part, or refuse it by the rule that `console learn` and the screen share."""
@@ -188,28 +188,28 @@ class _Learner:
         refuse(part.reasons)
         return part
 
-    def _plain(self, job: Job, name: str) -> Trace:
-        plan = self._planned(job, UNCOMPENSATED, Stage.FULL, None)
-        return self._traced(self._cut(job, plan, name))
+    def _cut_uncompensated(self, job: Job, name: str) -> Trace:
+        plan = self._plan_part(job, UNCOMPENSATED, Stage.FULL, None)
+        return self._trace_part(self._cut_part(job, plan, name))
 
-    def _traced(self, outcome: CutOutcome) -> Trace:
+    def _trace_part(self, outcome: CutOutcome) -> Trace:
         if outcome.trace is None:
             raise SessionError(Problem(code="learning.no_gauge"))
         return outcome.trace
 
-    def _cut(
+    def _cut_part(
         self,
         job: Job,
         plan: CutPlan,
         name: str,
-        beside: Beside | None = None,
+        beside: CutObserver | None = None,
         number: int = 0,
         *,
         clamped: bool = False,
     ) -> CutOutcome:
         """Cut a part; reports name it with its number, if it has one. One in air has no blank."""
 
-        def tell(step: Step, detail: str) -> None:
+        def tell(step: PartStep, detail: str) -> None:
             self._tell(name, step, " · ".join(filter(None, (str(number or ""), detail))))
 
         how: dict[str, Any] = {"homed": self._homed, "blank": name != "air", "clamped": clamped}
@@ -243,49 +243,55 @@ class _Learner:
         job = self._job
         # Some turns of the same feed, over the end of the part.
         short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
-        plan = self._planned(short, self._strategy, Stage.AIR, self._path)
+        plan = self._plan_part(short, self._strategy, Stage.AIR, self._path)
         self._air_passes += 1
         self._cutting, self._in_air_at = self._path, self._path.target
         watch = AirWatch(self._context.lathe, job.jaws, self._orders.samples_a_turn)
-        self._cut(short, plan, "air", watch, self._air_passes)
+        self._cut_part(short, plan, "air", watch, self._air_passes)
         return self._error(watch.last())
 
     def _in_air_anew(self) -> None:
         """Learn in air what a part has added where the blank disturbs the tool, too: in air there is none."""
         moved = [
-            n for n in self._watch.learned(dict.fromkeys(self._orders.of_blanks)) if self._moved_um(n) > MOVED_UM
+            n
+            for n in self._watch.select_learned(dict.fromkeys(self._orders.of_blanks))
+            if self._moved_um(n) > MOVED_UM
         ]
-        watch = Watch()
+        watch = HarmonicWatch()
         for _ in range(AIR_PASSES if moved else 0):
             error = self._air_pass()
             left = {n: error.coefficients_um[n] for n in moved}
             if all(2.0 * abs(c) <= AIR_ENOUGH_UM_PP for c in left.values()):
                 break
-            watch = watch.judged(self._path, left, dict.fromkeys(moved, error.amplitude_sd_um).__getitem__)
-            self._path = learned_command(watch.kept(self._path), watch.learned(left), self._response)
+            watch = watch.judge_pass(self._path, left, dict.fromkeys(moved, error.amplitude_sd_um).__getitem__)
+            self._path = learned_command(watch.keep_best(self._path), watch.select_learned(left), self._response)
 
     def _moved_um(self, order: int) -> float:
         return abs(coefficient_of(self._path.target, order) - coefficient_of(self._in_air_at, order))
 
     @property
     def _learns_lobe(self) -> bool:
-        return self._job.jaws not in self._watch.frozen
+        return self._job.jaws not in self._watch.frozen_orders
 
     def _learn_in_air(self, error: HarmonicFit) -> None:
         left = {n: c for n, c in error.coefficients_um.items() if n in self._orders.learned}
         # Friction couples the overtones to the amplitude of the lobe, which is still being learned.
         allowed = {n: 0.0 if n == self._job.jaws else held_back_um(self._machine, self._job, n) for n in left}
-        self._watch = self._watch.judged(self._path, left, lambda _: error.amplitude_sd_um, allowed.__getitem__)
+        self._watch = self._watch.judge_pass(
+            self._path, left, lambda _: error.amplitude_sd_um, allowed.__getitem__
+        )
         least_um = SIGNIFICANT * error.amplitude_sd_um
         wrong = {n: c for n, c in left.items() if n % self._job.jaws == 0 or abs(c) > least_um}
-        self._path = learned_command(self._watch.kept(self._path), self._watch.learned(wrong), self._response)
+        self._path = learned_command(
+            self._watch.keep_best(self._path), self._watch.select_learned(wrong), self._response
+        )
 
     def part(self, number: int) -> LearnedPart:
         """Cut a part, learn during the cut, and from its trace for the next one."""
         self._in_air_anew()
-        readings = self._felt()
+        readings = self._clamp_blank()
         self._path, path = self._lobe.clamp(self._path, readings, self._response)
-        plan = self._planned(self._job, self._strategy, Stage.FULL, path, trimmed=True)
+        plan = self._plan_part(self._job, self._strategy, Stage.FULL, path, trimmed=True)
         self._cutting = path
         self._orders.begin(self._path, self._watch)
         watch = CutLearner(
@@ -296,9 +302,9 @@ class _Learner:
             trims=self._learns_lobe,
             oval=self._orders.trims_oval,
         )
-        outcome = self._cut(self._job, plan, "part", watch, number, clamped=readings is not None)
+        outcome = self._cut_part(self._job, plan, "part", watch, number, clamped=readings is not None)
         tool_off, trim_um = watch.in_the_middle()
-        trace = self._traced(outcome)
+        trace = self._trace_part(outcome)
         gain = FIRST_GAIN if number == 1 else LATER_GAIN
         push = watch.left_push()
         tool_off = replace(tool_off, mean_um=tool_off.mean_um - push.in_middle_um)
@@ -320,7 +326,7 @@ class _Learner:
             left=self._lobe.left,
         )
 
-    def _felt(self) -> ClampReadings | None:
+    def _clamp_blank(self) -> ClampReadings | None:
         """Clamp the blank and return its fingerprint, None if none is taken."""
         workshop = self._context.workshop
         if not self._how.fingerprint or workshop is None or not self._lobe.known:
@@ -330,16 +336,16 @@ class _Learner:
 
     def _learn_from(
         self, trim_um: complex, trace: Trace, tool_off: Deviation, gain: float, push: Push = NO_PUSH
-    ) -> tuple[tuple[int, ...], tuple[Certified, ...]]:
+    ) -> tuple[tuple[int, ...], tuple[CertifiedOrder, ...]]:
         """Put the trim and the part's correction into the table; return the learned harmonics, and of each why."""
         job, orders = self._job, self._orders
         found = self._teaching(trace)
         self._refuse_worse(found, tool_off)
-        path = self._folded(trim_um, tool_off)
-        left = self._lobe.of_mean(orders.left(found, tool_off), path)
-        self._watch = orders.judged(self._watch, path, left, found)
-        high = self._watch.learned({n: c for n, c in left.items() if orders.teaches(n, c, found)})
-        missed = self._watch.learned(orders.of_tool(tool_off))
+        path = self._fold_trim(trim_um, tool_off)
+        left = self._lobe.of_mean(orders.residual_orders(found, tool_off), path)
+        self._watch = orders.judge_part(self._watch, path, left, found)
+        high = self._watch.select_learned({n: c for n, c in left.items() if orders.teaches(n, c, found)})
+        missed = self._watch.select_learned(orders.of_tool(tool_off))
         errors = {n: c - missed.get(n, 0j) for n, c in high.items()}
         gains = {n: orders.gain(n, e, found, path) for n, e in errors.items()}
         self._lobe_step(found, tool_off, path, high, missed, gains)
@@ -348,14 +354,14 @@ class _Learner:
         high = {n: c - missed.get(n, 0j) + tabled.get(n, 0j) for n, c in high.items()}
         part = Deviation(mean_um=found.mean_um - push.in_middle_um, coefficients_um=high)
         tool = Deviation(mean_um=tool_off.mean_um, coefficients_um=tabled)
-        kept = orders.withdrawn(self._watch.kept(path))
+        kept = orders.withdrawn(self._watch.keep_best(path))
         steps = {n: 1.0 if n == job.jaws and self._filters else g for n, g in gains.items()}
-        self._path = learned_part(kept, part, tool, self._response, gain, steps).pushed(push.um)
+        self._path = learned_part(kept, part, tool, self._response, gain, steps).add_push(push.um)
         orders.step(path, self._path)
-        certificate = orders.certificate(left, found, tool_off, gains, self._watch.frozen)
+        certificate = orders.certificate(left, found, tool_off, gains, self._watch.frozen_orders)
         return tuple(sorted({*high, *missed})), certificate
 
-    def _folded(self, trim_um: complex, tool_off: Deviation) -> CutPath:
+    def _fold_trim(self, trim_um: complex, tool_off: Deviation) -> CutPath:
         """Return the path with the part of the trim that goes into its table."""
         lobes = self._job.jaws
         by_program = nominal_response(Strategy.PVT, self._machine, self._job.lobe_frequency_hz)
@@ -383,7 +389,7 @@ class _Learner:
         lobes, tool_um = self._job.jaws, tool_off.coefficients_um.get(self._job.jaws, 0j)
         done_um = coefficient_of(self._cutting.target, lobes) - tool_um
         sd_um = math.hypot(found.sd_um[lobes], tool_off.sd_um, REPEATS_SD_UM)
-        mean_um = self._lobe.measured(found.coefficients_um[lobes], done_um, sd_um)
+        mean_um = self._lobe.update_path(found.coefficients_um[lobes], done_um, sd_um)
         if not self._filters:
             return
         step_um = mean_um - coefficient_of(path.target, lobes)
@@ -396,10 +402,10 @@ class _Learner:
         lobes = self._job.jaws
         # The tool error was measured here.
         done_um = self._cutting.target.harmonics[0].coefficient - tool_off.coefficients_um.get(lobes, 0j)
-        plain = uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
+        plain = compare_uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
         refuse(plain.reasons())
 
-    def _planned(
+    def _plan_part(
         self, job: Job, strategy: Strategy, stage: Stage, path: CutPath | None, *, trimmed: bool = False
     ) -> CutPlan:
         """Plan a cut from the whole turn nearest to the spindle position; the spindle need not turn back."""
@@ -407,13 +413,13 @@ class _Learner:
         if self._homed:
             turn = round(self._context.lathe.snapshot().spindle.position / self._machine.spindle.counts_per_rev)
         watchdog = self._plan.cut.setup.watchdog
-        return planned(
+        return plan_stage(
             job, self._machine, strategy, stage, path, watchdog=watchdog, from_turn=turn, trimmed=trimmed
         )
 
     def _error(self, batch: Batch) -> HarmonicFit:
         """Return the tool error of a batch, positive where the tool was not in far enough."""
-        self._context.recorder.gathered(batch)
+        self._context.recorder.record_window(batch)
         target_um = self._cutting.target.at_um(batch.angle_deg, batch.past_middle_mm)
         return fit_harmonics(batch.angle_deg, target_um - batch.infeed_um, self._orders.fitted)
 

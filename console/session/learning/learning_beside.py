@@ -13,7 +13,7 @@ from drivers.identification.nominal import nominal_response
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM, OVAL, beside_order
-from profiles.compensations.learning import Deviation, HarmonicFit, trimmed
+from profiles.compensations.learning import Deviation, HarmonicFit, next_trim_um
 from profiles.compensations.push import Push, left_push
 from profiles.compensations.trim_response import TrimResponse
 from profiles.job import Job
@@ -118,18 +118,18 @@ class CutLearner:
         error_um = found.coefficients_um
         if self._trims:
             lobe_um = error_um[self._job.jaws]
-            self._response = self._response.seen(self.trim_um, lobe_um)
+            self._response = self._response.add_batch(self.trim_um, lobe_um)
             self.trim_um = self._next(self._job.jaws, self.trim_um, lobe_um, self._response.value)
         if self._oval:
             oval_um = error_um[self._beside]
-            self._oval_response = self._oval_response.seen(self.oval_um, oval_um)
+            self._oval_response = self._oval_response.add_batch(self.oval_um, oval_um)
             self.oval_um = self._next(self._beside, self.oval_um, oval_um, self._oval_response.value)
         if self._trims or self.oval_um:
             self._lathe.program.trim(self.trim_um, self.oval_um)
 
     def _next(self, order: int, trim_um: complex, error_um: complex, response: complex) -> complex:
         """Return the next trim; one beyond the limit of the program stays there, and is told after the cut."""
-        needed_um = trimmed(trim_um, error_um, response, TRIM_GAIN, MOST_NEEDED_UM)
+        needed_um = next_trim_um(trim_um, error_um, response, TRIM_GAIN, MOST_NEEDED_UM)
         if abs(needed_um) <= MOST_TRIM_UM:
             return needed_um
         self._short_um = {**self._short_um, order: abs(needed_um) - MOST_TRIM_UM}

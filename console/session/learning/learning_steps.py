@@ -11,8 +11,15 @@ from typing import Any
 
 from console.session.cut.alignment import Alignment, JawAngle, aligned_job
 from console.session.cut.run import FILTER_UPR
-from console.session.data.identified import kept_file, response_in
-from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, lathe_problems, versions
+from console.session.data.identified_responses import kept_file, response_in
+from console.session.data.learned_store import (
+    NEWEST,
+    asked_for,
+    choose_version,
+    date_problems,
+    lathe_problems,
+    versions,
+)
 from console.session.data.measured_part import (
     AS_FILED,
     CUT_JAW,
@@ -37,8 +44,14 @@ from drivers.simulator.plant.which_lathe import LATHE
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.grip import force_sd_n, lobe_um_per_n
 from profiles.compensations.causes import Cause, causes
-from profiles.compensations.certificate import Follows, is_promised, promised_orders
-from profiles.compensations.learned import MODEL, LearnedCompensation, again, history_of, model_again
+from profiles.compensations.certificate import ToolResponse, is_promised, promised_orders
+from profiles.compensations.learned_compensation import (
+    MODEL,
+    LearnedCompensation,
+    history_of,
+    model_again,
+    renew_version,
+)
 from profiles.compensations.learning import coefficient_of
 from profiles.compensations.next_version import AppliedPath, LearningStep, next_version
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
@@ -138,15 +151,15 @@ def learn_from_part(
     `tool_um` is the tool error of its cut at the order of the lobe, with jaw 1 as then; `push_um` the push left.
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
     """
-    filed, (strategy, stage) = job.job, _followed(made)
+    filed, (strategy, stage) = job.job, _strategy_and_stage(made)
     asked = asked_for(job, machine, strategy, simulated=is_simulated(trace), lathe=lathe_of(trace))
     known = versions(data, asked)
-    inverted = _inverted(made, machine.machine, identified, data, simulated=asked.simulated)
-    version = chosen(made.compensation, known, asked)
+    inverted = _inverted_response(made, machine.machine, identified, data, simulated=asked.simulated)
+    version = choose_version(made.compensation, known, asked)
     path = nominal_path(filed, machine.machine, strategy, inverted) if version is None else version.path
     follows = follows_by_order(strategy, machine.machine, filed.spindle_speed_rpm, inverted)
     orders = _orders(filed, strategy, extra, follows)
-    beside = _beside(strategy, orders, follows)
+    beside = _further_orders(strategy, orders, follows)
     part = _part(trace, filed, made, extra, beside, robust=robust)
     cut = _cut_with(path, stage, version, known, filed)
     cut = replace(cut, tool_um=tool_um * cmath.exp(-1j * filed.jaws * math.radians(_turned_deg(filed, made))))
@@ -154,20 +167,20 @@ def learn_from_part(
     scatter = scatter_um(filed, machine.machine)
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
-    step = _once(_pushed(step, push_um), known)
+    step = _mark_repeated_trace(_compensate_push(step, push_um), known)
     return LearningOutcome(
         step=step,
         made=made,
         stage=stage,
         warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
-        harmonics=tuple(_left(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
+        harmonics=tuple(_left_harmonic(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
         causes=causes(part, cut, filed, tool_um=cut.tool_um, placed=part.is_placed),
     )
 
 
-def _pushed(step: LearningStep, push_um: float) -> LearningStep:
+def _compensate_push(step: LearningStep, push_um: float) -> LearningStep:
     """Return a step whose path makes up for so much more push; if no cut takes that, the step with a warning."""
-    path = step.next.path.pushed(push_um)
+    path = step.next.path.add_push(push_um)
     if (most_um := abs(path.command.push_um)) <= MOST_MEAN_UM:
         return replace(step, next=replace(step.next, path=path))
     value, limit = f"{most_um:.1f} um", f"<= {MOST_MEAN_UM:.1f} um"
@@ -175,7 +188,7 @@ def _pushed(step: LearningStep, push_um: float) -> LearningStep:
     return replace(step, warnings=(*step.warnings, beyond))
 
 
-def _once(step: LearningStep, known: tuple[LearnedCompensation, ...]) -> LearningStep:
+def _mark_repeated_trace(step: LearningStep, known: tuple[LearnedCompensation, ...]) -> LearningStep:
     """Return a step, with `learned.same_trace` where its trace has taught a version as a part cut otherwise.
 
     Two parts of a real lathe are never the same to the last digit; those of an ideal simulated one may be.
@@ -213,7 +226,7 @@ def _part(
     """Return the harmonics of a part, turned to where the file of its job has jaw 1."""
     cut = as_cut(job, made)
     part = part_harmonics(trace, cut, filter_upr=FILTER_UPR, extra=extra, beside=beside, robust=robust)
-    return part.turned(_turned_deg(job, made))
+    return part.turn_by(_turned_deg(job, made))
 
 
 def as_cut(job: Job, made: MadeWith) -> Job:
@@ -238,7 +251,7 @@ def check_of(part: CutPart | None, job: Job) -> ForceCheck | None:
     return ForceCheck(job=as_cut(job, part.made), found=part.force)
 
 
-def _left(n: int, part: PartHarmonics, step: LearningStep, path: CutPath, stage: Stage) -> LeftHarmonic:
+def _left_harmonic(n: int, part: PartHarmonics, step: LearningStep, path: CutPath, stage: Stage) -> LeftHarmonic:
     """Return a harmonic of the part, whose height falls by as much as the tool goes deeper."""
     left = part.coefficients_um[n]
     deeper = coefficient_of(step.next.path.target, n) - stage.fraction * coefficient_of(path.target, n)
@@ -248,7 +261,7 @@ def _left(n: int, part: PartHarmonics, step: LearningStep, path: CutPath, stage:
     )
 
 
-def reverted(
+def revert_version(
     number: int,
     job: LoadedJob,
     machine: LoadedMachine,
@@ -266,9 +279,9 @@ def reverted(
     strategy = strategies.get(number, newest if strategy is None else strategy)
     asked = replace(asked, strategy=strategy)
     if number != MODEL or not known:
-        older = chosen(str(number), known, asked)
+        older = choose_version(str(number), known, asked)
         assert older is not None
-        return again(older, _next(known), date)
+        return renew_version(older, _next(known), date)
     path = nominal_path(job.job, machine.machine, Strategy(strategy))
     return model_again(asked, path, _next(known), date)
 
@@ -299,7 +312,7 @@ def _next(known: tuple[LearnedCompensation, ...]) -> int:
     return known[-1].version + 1 if known else MODEL + 1
 
 
-def _followed(made: MadeWith) -> tuple[Strategy, Stage]:
+def _strategy_and_stage(made: MadeWith) -> tuple[Strategy, Stage]:
     """Return strategy and stage of a cut that followed a path; both may come from a trace."""
     if made.changed:  # along the cut: which of it a trace has measured is not known
         raise SessionError(Problem(code="learned.changed_in_cut", value=made.changed))
@@ -313,7 +326,7 @@ def _followed(made: MadeWith) -> tuple[Strategy, Stage]:
 
 
 def _orders(
-    job: Job, strategy: Strategy, extra: tuple[int, ...], follows: Callable[[int], Follows]
+    job: Job, strategy: Strategy, extra: tuple[int, ...], follows: Callable[[int], ToolResponse]
 ) -> tuple[int, ...]:
     """Return the harmonics that can be commanded: the lobe; with a table also its overtones and `extra`.
 
@@ -336,7 +349,9 @@ def _orders(
     return tuple(sorted({job.jaws, *reached, *extra}))
 
 
-def _beside(strategy: Strategy, orders: tuple[int, ...], follows: Callable[[int], Follows]) -> tuple[int, ...]:
+def _further_orders(
+    strategy: Strategy, orders: tuple[int, ...], follows: Callable[[int], ToolResponse]
+) -> tuple[int, ...]:
     """Return the further harmonics that a table can cut with a promise to converge; none without a table."""
     if not strategy.traits.by_table:
         return ()
@@ -347,7 +362,7 @@ def _bad_extra(value: str, limit: str) -> Problem:
     return Problem(code="learned.extra", key="--extra", value=value, limit=limit)
 
 
-def _inverted(
+def _inverted_response(
     made: MadeWith, machine: MachineProfile, identified: Path | None, data: Path, *, simulated: bool
 ) -> ServoResponse | None:
     """Return the response that the cut has inverted, None the model's; `learned.identified` without its file.

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from profiles.compensations.learning import REPEATS_SD_UM
 from profiles.compensations.optimal_gain import PRIOR_DEG, PRIOR_FRACTION
 from profiles.compensations.path import CutPath, free_state_lobe
-from profiles.fingerprint.lobe_filter import LobeFilter, Seen
+from profiles.fingerprint.lobe_filter import LobeFilter, MeasuredCoefficient
 from profiles.fingerprint.readings import ClampReadings
 from profiles.fingerprint.this_clamping import (
-    Clamped,
+    ClampingCorrection,
     clamped_by,
     clamped_orders,
     clamped_path,
-    felt,
+    evaluate_readings,
     known_lobe,
     ratio_of,
     with_added,
@@ -45,7 +45,7 @@ class LobeLearning:
     def __init__(self, job: Job, machine: MachineProfile) -> None:
         self._job = job
         self._filter: LobeFilter | None = None
-        self.clamped: Clamped | None = None
+        self.clamped: ClampingCorrection | None = None
         self.left: LeftLobe | None = None
         if job.lobe_amplitude_um:
             lobe_um = free_state_lobe(job).harmonics[0].coefficient
@@ -66,11 +66,11 @@ class LobeLearning:
         self.clamped = None
         if self._filter is None:
             return path, path
-        self._filter = self._filter.clamped(REPEATS_SD_UM)
+        self._filter = self._filter.predict_clamping(REPEATS_SD_UM)
         if readings is None:
             return path, path
         lobes = self._job.jaws
-        self._filter, self.clamped = clamped_by(self._filter, felt(readings, self._job), path, lobes)
+        self._filter, self.clamped = clamped_by(self._filter, evaluate_readings(readings, self._job), path, lobes)
         mean = with_added(path, self.clamped.added_um, response)
         return mean, clamped_path(mean, lobes, self.clamped.ratio, response)
 
@@ -82,10 +82,12 @@ class LobeLearning:
         lobes, made = self._job.jaws, clamped_orders(path, self._job.jaws)
         return {n: c / ratio_of(n, lobes, clamped.ratio) if n in made else c for n, c in left_um.items()}
 
-    def measured(self, left_um: complex, done_um: complex, sd_um: float) -> complex:
+    def update_path(self, left_um: complex, done_um: complex, sd_um: float) -> complex:
         """Return the path of the mean lobe, after a part with `left_um` of it where the tool did `done_um`."""
         assert self._filter is not None
-        self._filter = self._filter.measured(Seen(value=left_um + done_um, sd_um=sd_um), done_um)
+        self._filter = self._filter.update_by_part(
+            MeasuredCoefficient(value=left_um + done_um, sd_um=sd_um), done_um
+        )
         own_um = self._filter.this_um - self._filter.lobe_um
         self.left = LeftLobe(
             left_um_pp=2.0 * abs(left_um),

@@ -13,7 +13,7 @@ from console.session.data.kept_files import jobs_folder
 from console.session.data.measured_part import RecordedPart
 from console.session.data.run_reader import story
 from console.session.data.run_rows import RunRow
-from console.session.data.run_story import POLLED, RunStory, Telemetry
+from console.session.data.run_story import POLLED, RecordedTelemetry, RunStory
 from console.session.learning.evaluated_part import EvaluatedPart, evaluate_part
 from console.session.learning.run_debrief import RunDebrief, run_debrief
 from profiles.job import Job
@@ -64,7 +64,7 @@ class OpenedRun:
         return tuple((part, found) for part in self.parts if (found := self.evaluated(part)) is not None)
 
     @property
-    def telemetry(self) -> Telemetry | None:
+    def telemetry(self) -> RecordedTelemetry | None:
         """The telemetry of the cut of the product, else of the last cut; None without any."""
         polled = [each for each in self.story.telemetry if each.kind == POLLED and len(each.rows)]
         name = None if self.product is None else self.product.part

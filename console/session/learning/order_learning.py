@@ -18,8 +18,15 @@ from drivers.cutting.sampling import LEAST_SAMPLES_A_LOBE
 from drivers.cutting.strategy import Strategy
 from drivers.identification.nominal import follows_by_order
 from profiles.compensations.causes import OVAL
-from profiles.compensations.certificate import Certified, Shown, Standing, certified, is_promised, promised_orders
-from profiles.compensations.learning import SIGNIFICANT, Deviation, Watch, coefficient_of
+from profiles.compensations.certificate import (
+    CertifiedOrder,
+    OrderEvidence,
+    OrderStatus,
+    certify_order,
+    is_promised,
+    promised_orders,
+)
+from profiles.compensations.learning import SIGNIFICANT, Deviation, HarmonicWatch, coefficient_of
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.optimal_gain import (
     PRIOR_OTHERS_UM,
@@ -28,7 +35,7 @@ from profiles.compensations.optimal_gain import (
     lobe_prior_um,
     optimal_gain,
 )
-from profiles.compensations.order_steps import STEP_UM, Repeating
+from profiles.compensations.order_steps import STEP_UM, RepeatHistory
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath
 from profiles.job import Job
@@ -71,7 +78,7 @@ class OrderLearning:
             LEAST_SAMPLES_A_LOBE * self._lobes, max(ENOUGH_A_TURN, SAMPLES_A_PERIOD * self.fitted[-1])
         )
         self._steps_um: dict[int, list[float]] = {}
-        self._repeating: Repeating | None = None
+        self._repeating: RepeatHistory | None = None
         self._grown_in_air: frozenset[int] = frozenset()
         self.varying: frozenset[int] = frozenset()  # orders that do not repeat from part to part
 
@@ -101,18 +108,20 @@ class OrderLearning:
             and (n % self._lobes == 0 or abs(c) > least_um)
         }
 
-    def left(self, part: PartHarmonics, tool_off: Deviation) -> dict[int, complex]:
+    def residual_orders(self, part: PartHarmonics, tool_off: Deviation) -> dict[int, complex]:
         """Return what a part has of each order, without what its own blank has made."""
         blank = {n: c for n, c in tool_off.coefficients_um.items() if self.of_blank(n)}
         found = part.coefficients_um
         return {n: found[n] - blank.get(n, 0j) for n in self.learned if n in found}
 
-    def begin(self, path: CutPath, watch: Watch) -> None:
+    def begin(self, path: CutPath, watch: HarmonicWatch) -> None:
         """Take the path of the first part, and what has grown in air: there is no blank that it could be of."""
         if self._repeating is None:
-            self._repeating, self._grown_in_air = Repeating(begun=path), watch.frozen
+            self._repeating, self._grown_in_air = RepeatHistory(begun=path), watch.frozen_orders
 
-    def judged(self, watch: Watch, path: CutPath, left_um: Mapping[int, complex], part: PartHarmonics) -> Watch:
+    def judge_part(
+        self, watch: HarmonicWatch, path: CutPath, left_um: Mapping[int, complex], part: PartHarmonics
+    ) -> HarmonicWatch:
         """Return the watch after a part that was cut with this path, and find which orders vary from part to part.
 
         An order that is not back at its best, though that is what was cut, did not grow by learning: it is judged
@@ -120,11 +129,11 @@ class OrderLearning:
         """
         assert self._repeating is not None
         sd_um = self.sd_um(part, path)
-        watch = watch.released(watch.not_back(left_um, sd_um) - self._grown_in_air - {self._lobes})
-        self._repeating = self._repeating.seen({n: self._plain_um(n, c, path) for n, c in left_um.items()})
-        self.varying = self._repeating.varying(self._lobes) - watch.frozen
+        watch = watch.release_orders(watch.not_back(left_um, sd_um) - self._grown_in_air - {self._lobes})
+        self._repeating = self._repeating.add_part({n: self._plain_um(n, c, path) for n, c in left_um.items()})
+        self.varying = self._repeating.varying(self._lobes) - watch.frozen_orders
         steady = {n: c for n, c in left_um.items() if n not in self.varying}
-        return watch.released(self.varying).judged(path, steady, sd_um)
+        return watch.release_orders(self.varying).judge_pass(path, steady, sd_um)
 
     def _plain_um(self, order: int, left_um: complex, path: CutPath) -> complex:
         """Return what a part would have left of an order with nothing learned.
@@ -184,28 +193,30 @@ class OrderLearning:
         tool_off: Deviation,
         gains: Mapping[int, float],
         frozen: frozenset[int],
-    ) -> tuple[Certified, ...]:
+    ) -> tuple[CertifiedOrder, ...]:
         """Return the certificate of every order that a part shows, and of the first that is not promised."""
         beyond = self.learned[-1] + 1
         found = []
         for n in (*self.learned, *(() if is_promised(self.follows(beyond), LEAST_FOLLOWED) else (beyond,))):
-            shown = Shown(
+            shown = OrderEvidence(
                 on_part_um=part.coefficients_um.get(n),
                 left_um=left_um.get(n),
                 tool_off_um=tool_off.coefficients_um.get(n),
             )
             standing = self._standing(n, shown.left_um, part, frozen)
-            found.append(certified(n, gains.get(n, 0.0), shown, self.follows(n), standing))
+            found.append(certify_order(n, gains.get(n, 0.0), shown, self.follows(n), standing))
         return tuple(found)
 
-    def _standing(self, n: int, left_um: complex | None, part: PartHarmonics, frozen: frozenset[int]) -> Standing:
+    def _standing(
+        self, n: int, left_um: complex | None, part: PartHarmonics, frozen: frozenset[int]
+    ) -> OrderStatus:
         if n not in self.learned:
-            return Standing.NO_PROMISE
+            return OrderStatus.NO_PROMISE
         if n in frozen:
-            return Standing.GREW
+            return OrderStatus.GREW
         if n in self.varying and left_um is not None and abs(left_um) > SIGNIFICANT * part.sd_um[n]:
-            return Standing.VARIES
-        return Standing.LEARNED if left_um is not None and self.teaches(n, left_um, part) else Standing.NOISE
+            return OrderStatus.VARIES
+        return OrderStatus.LEARNED if left_um is not None and self.teaches(n, left_um, part) else OrderStatus.NOISE
 
 
 def _highest(job: Job) -> int:

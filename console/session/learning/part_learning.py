@@ -14,9 +14,9 @@ from console.session.data.records import add_to_run
 from console.session.data.run_rows import problem_events
 from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError
-from console.session.learning.learning_steps import LearningOutcome, learn_from_part, reverted
+from console.session.learning.learning_steps import LearningOutcome, learn_from_part, revert_version
 from console.session.operator import operator_name
-from profiles.compensations.learned import LearnedCompensation
+from profiles.compensations.learned_compensation import LearnedCompensation
 from profiles.compensations.next_version import LearningStep
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
@@ -90,13 +90,13 @@ def revert(
     That is the version from whose part it was learned; before the first comes the model.
 
     Raises:
-        SessionError: `learned.no_before`, the model is used; as `reverted`.
+        SessionError: `learned.no_before`, the model is used; as `revert_version`.
         ProfileError: as `store`, nothing was kept; versions that cannot be read.
     """
     if used is None or used.is_model:
         raise SessionError(Problem(code="learned.no_before", key=job.job.name))
     strategy, date = used.holds_for.strategy, utc_now()
-    older = reverted(used.parent, job, machine, data, simulated=simulated, date=date, strategy=strategy)
+    older = revert_version(used.parent, job, machine, data, simulated=simulated, date=date, strategy=strategy)
     store(data, older)
     return older
 

@@ -10,10 +10,10 @@ from console.session.cut.run import RunResult
 from console.session.cut.telemetry import CutFigures
 from console.session.learning.learning_beside import TRIM_LIMIT_UM, blank_orders
 from console.session.learning.lobe_learning import LeftLobe
-from profiles.compensations.certificate import Certified, Standing
-from profiles.compensations.learning import REPEATS_SD_UM, Deviation, Grown
+from profiles.compensations.certificate import CertifiedOrder, OrderStatus
+from profiles.compensations.learning import REPEATS_SD_UM, Deviation, GrownHarmonic
 from profiles.compensations.path import CutPath
-from profiles.fingerprint.this_clamping import Clamped
+from profiles.fingerprint.this_clamping import ClampingCorrection
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult
 
@@ -43,10 +43,10 @@ class LearnedPart:
     air_um: tuple[float, ...]
     part_gain: float
     learned: tuple[int, ...]
-    grown: tuple[Grown, ...]
+    grown: tuple[GrownHarmonic, ...]
     collisions: tuple[str, ...]
-    certificate: tuple[Certified, ...] = ()
-    clamped: Clamped | None = None
+    certificate: tuple[CertifiedOrder, ...] = ()
+    clamped: ClampingCorrection | None = None
     trim_short: Mapping[int, float] = field(default_factory=dict)
     left: LeftLobe | None = None
 
@@ -60,13 +60,13 @@ class LearnResult(RunResult):
     parts: tuple[LearnedPart, ...]
 
     @property
-    def own(self) -> tuple[Certified, ...]:
+    def own_orders(self) -> tuple[CertifiedOrder, ...]:
         """The orders of the last part whose tool error is mostly of its own blank, or varies."""
         blank = blank_orders(self.plan.job.jaws)
         return tuple(
             each
             for each in self.parts[-1].certificate
-            if (each.order in blank or each.standing is Standing.VARIES)
+            if (each.order in blank or each.standing is OrderStatus.VARIES)
             and 2.0 * (each.tool_off_um or 0.0) >= max(LARGE_UM_PP, each.on_part_um or 0.0)
         )
 
@@ -79,10 +79,15 @@ class LearnResult(RunResult):
         `learning.no_gain`.
         """
         grown = map(_grew, self.parts[-1].grown)
-        return (*_surprised(self.parts), *grown, *_short_of_trim(self.parts), *_no_gain(self.parts))
+        return (
+            *_find_doubtful_fingerprints(self.parts),
+            *grown,
+            *_short_of_trim(self.parts),
+            *_no_gain(self.parts),
+        )
 
 
-def _surprised(parts: tuple[LearnedPart, ...]) -> Iterator[Problem]:
+def _find_doubtful_fingerprints(parts: tuple[LearnedPart, ...]) -> Iterator[Problem]:
     """Yield the parts with an implausible fingerprint."""
     for n, part in enumerate(parts, start=1):
         for each in () if part.clamped is None else part.clamped.warnings:
@@ -101,7 +106,7 @@ def _no_gain(parts: tuple[LearnedPart, ...]) -> tuple[Problem, ...]:
     )
 
 
-def _grew(each: Grown) -> Problem:
+def _grew(each: GrownHarmonic) -> Problem:
     grown, best = f"{each.grown_um:.2f} um", f"{each.best_um:.2f} um"
     return Problem(code="learning.grew", key=f"{each.order}/rev", value=grown, limit=best)
 

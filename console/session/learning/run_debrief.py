@@ -13,7 +13,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from console.session.data.measured_part import RecordedPart, made_with, parts_made, tool_lobe_um
-from console.session.data.run_rows import FAILED_HOW, How
+from console.session.data.run_rows import FAILED_HOW, RunOutcome
 from console.session.data.run_story import COMMAND, RunEvent, RunStory
 from console.session.learning.learning_steps import learn_from_part
 from console.session.stages import Stage
@@ -99,7 +99,7 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
             causes = _causes(story, part, data)
         except ProblemError as error:
             unknown += error.problems
-    happened = tuple(_happened(story))
+    happened = tuple(_list_events(story))
     off_um = part.off_nominal_um if part is not None and part.is_of_size is False else None
     found = RunDebrief(
         happened=happened,
@@ -110,7 +110,7 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
         unknown=tuple(unknown),
         advice=(),
     )
-    stopped = story.row.ended.how in FAILED_HOW - {How.HELD}
+    stopped = story.row.ended.how in FAILED_HOW - {RunOutcome.HELD}
     return replace(found, advice=tuple(_advice(story, found)) or (Advice.STOPPED if stopped else Advice.NONE,))
 
 
@@ -143,7 +143,7 @@ def _ends(story: RunStory) -> tuple[RunEvent, ...]:
 def _unknown(story: RunStory, part: RecordedPart | None) -> Iterator[Problem]:
     if story.damaged:
         yield Problem(code="debrief.damaged", value=", ".join(story.damaged))
-    if story.row.ended.how is How.OPEN:
+    if story.row.ended.how is RunOutcome.OPEN:
         yield Problem(code="debrief.no_end")
     if story.complete is False:
         yield Problem(code="debrief.incomplete")
@@ -163,7 +163,7 @@ def _unknown(story: RunStory, part: RecordedPart | None) -> Iterator[Problem]:
         yield Problem(code="debrief.no_diameter")
 
 
-def _happened(story: RunStory) -> Iterator[Incident]:
+def _list_events(story: RunStory) -> Iterator[Incident]:
     began_s = next((event.at_s for event in story.events if event.kind == "started"), 0.0)
     found = [Incident(at_s=event.at_s - began_s, event=event) for event in story.events if _is_shown(event)]
     for alarm in story.alarms:
@@ -194,5 +194,5 @@ def _advice(story: RunStory, found: RunDebrief) -> Iterator[Advice]:
         yield Advice.STOPS
     if any(told.unseen_s > SEEN_WITHIN_S for told in found.happened):
         yield Advice.ALARMS
-    if found.part is None and story.row.ended.how is How.DONE and story.row.stage != Stage.AIR:
+    if found.part is None and story.row.ended.how is RunOutcome.DONE and story.row.stage != Stage.AIR:
         yield Advice.MEASURE

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.session.cut.in_process import simulated_context
-from console.session.cut.run import Beside, CutOutcome, cut_part
+from console.session.cut.run import CutObserver, CutOutcome, cut_part
 from console.session.learning.learning_beside import AirWatch
 from console.session.stages import AIR_MM, nominal_path
 from drivers.cutting.findings import steady_moves, stroke
@@ -75,7 +75,7 @@ class Bench:
             job, self.machine, strategy, ts_ms, from_turn=turn, watchdog=watchdog, path=path, air_mm=air_mm
         )
 
-    def cut(self, job: Job, plan: CutPlan, beside: Beside | None = None, *, air: bool = False) -> CutOutcome:
+    def cut(self, job: Job, plan: CutPlan, beside: CutObserver | None = None, *, air: bool = False) -> CutOutcome:
         """Cut a part, or in air.
 
         Raises:
@@ -194,15 +194,15 @@ class _PassWatch(AirWatch):
         return float(np.ptp(_steady(angle_deg, self._target.at_um(angle_deg) - infeed_um)))
 
 
-def uncompensated(paper: Experiments) -> tuple[Record, ...]:
+def compare_uncompensated_parts(paper: Experiments) -> tuple[Record, ...]:
     """Number 1: parts of a plain cut (Fig 14)."""
     records = []
     for number, (job, error) in enumerate(zip(paper.jobs, paper.errors_um_pp, strict=True), start=1):
         *_, roundness = cut_and_measure(job, paper.machine, Strategy.NONE)
         lobe_um = roundness.amplitude_um(job.jaws)
         records += [
-            _near(1, "lathe.plain", f"{number}", roundness.ront_um, error, 0.1, "um"),
-            _near(1, "lathe.plain_lobe", f"{number}", lobe_um, error / 2, 0.02, "um"),
+            _number_near(1, "lathe.plain", f"{number}", roundness.ront_um, error, 0.1, "um"),
+            _number_near(1, "lathe.plain_lobe", f"{number}", lobe_um, error / 2, 0.02, "um"),
         ]
     return tuple(replace(each, basis=Basis.CONSTRUCTION, why="put_in") for each in records)
 
@@ -215,13 +215,13 @@ def printed_program(paper: Experiments) -> tuple[Record, ...]:
     for name, ts_ms, left in curves:
         for number, (job, expected) in enumerate(zip(paper.jobs, left, strict=True), start=1):
             *_, roundness = cut_and_measure(job, measured, Strategy.PAPER, ts_ms)
-            record = _near(5, f"lathe.{name}", f"{number}", roundness.ront_um, expected, 0.3, "um")
+            record = _number_near(5, f"lathe.{name}", f"{number}", roundness.ront_um, expected, 0.3, "um")
             records.append(replace(record, basis=Basis.READING))
     for number, (job, expected) in enumerate(zip(paper.jobs, COMPENSATED_UM, strict=True), start=1):
         plan, speed_rpm, roundness = cut_and_measure(job, paper.machine, Strategy.PAPER)
         lobe_hz = job.jaws * speed_rpm / 60.0
         facts = {"segment_ms": plan.segment_ms, "speed_rpm": speed_rpm, "lobe_hz": lobe_hz}
-        record = _near(5, "lathe.literal", f"{number}", roundness.ront_um, expected, WITHIN_UM, "um")
+        record = _number_near(5, "lathe.literal", f"{number}", roundness.ront_um, expected, WITHIN_UM, "um")
         records.append(replace(record, why="literal", facts=facts, basis=Basis.RIVAL))
     return tuple(records)
 
@@ -233,11 +233,11 @@ def literal_timing(paper: Experiments) -> tuple[Record, ...]:
     moves = steady_moves(plan.program, plan.checked, machine)
     low, high = (each - plan.setup.surface for each in stroke(moves, plan.checked, machine))
     return (
-        _near(6, "lathe.segment", "", plan.segment_ms, 20.0, 1e-6, "ms"),
-        _near(6, "lathe.speed", "", speed_rpm, 500.0, 0.01, "rpm"),
-        _near(6, "lathe.lobe_frequency", "", job.jaws * speed_rpm / 60.0, 25.0, 0.005, "Hz"),
-        _near(6, "lathe.stroke", "", high - low, 183.3, 0.1, "cts"),
-        _near(6, "lathe.mean", "", (high + low) / 2, 637.5, 0.1, "cts"),
+        _number_near(6, "lathe.segment", "", plan.segment_ms, 20.0, 1e-6, "ms"),
+        _number_near(6, "lathe.speed", "", speed_rpm, 500.0, 0.01, "rpm"),
+        _number_near(6, "lathe.lobe_frequency", "", job.jaws * speed_rpm / 60.0, 25.0, 0.005, "Hz"),
+        _number_near(6, "lathe.stroke", "", high - low, 183.3, 0.1, "cts"),
+        _number_near(6, "lathe.mean", "", (high + low) / 2, 637.5, 0.1, "cts"),
     )
 
 
@@ -246,8 +246,8 @@ def inverse(paper: Experiments) -> tuple[Record, ...]:
     (cut,) = learned_passes(paper.jobs[0], paper.machine, ideal(paper.machine), [PART])
     parts = (cut_and_measure(job, paper.machine, Strategy.CAM)[2].ront_um for job in paper.jobs)
     return (
-        _most(7, "lathe.lobe", "", cut.lobe_um_pp, 0.05),
-        _most(7, "lathe.places", "", cut.places_um_pp, 0.3),
+        _number_at_most(7, "lathe.lobe", "", cut.lobe_um_pp, 0.05),
+        _number_at_most(7, "lathe.places", "", cut.places_um_pp, 0.3),
         *(Record(number=7, name="lathe.ours", at=f"{n}", ours=ront, unit="um") for n, ront in enumerate(parts, 1)),
     )
 
@@ -259,7 +259,7 @@ def wrong_plant(paper: Experiments) -> tuple[Record, ...]:
     passes = learned_passes(paper.jobs[0], paper.machine, true, [AIR] * 4)
     limits_um = (10.0, 2.0, 0.5, 0.1)
     return tuple(
-        _most(8, "lathe.pass", f"{number}", each.lobe_um_pp, limit)
+        _number_at_most(8, "lathe.pass", f"{number}", each.lobe_um_pp, limit)
         for number, (each, limit) in enumerate(zip(passes, limits_um, strict=True))
     )
 
@@ -279,16 +279,16 @@ def friction(paper: Experiments) -> tuple[Record, ...]:
     (unlearned,) = learned_passes(job, machine, true, [PART])
     *_, first, second, third = learned_passes(job, machine, true, [AIR] * 3 + [PART] * 3)
     return (
-        _most(9, "lathe.unlearned", "", unlearned.averaged_um_pp, 18.0),
-        _most(9, "lathe.cut", "1", first.lobe_um_pp, 5.0),
-        _most(9, "lathe.cut", "2", second.lobe_um_pp, 1.2),
-        _most(9, "lathe.cut", "3", third.lobe_um_pp, 0.5),
-        _most(9, "lathe.averaged", "", third.averaged_um_pp, 1.5),
+        _number_at_most(9, "lathe.unlearned", "", unlearned.averaged_um_pp, 18.0),
+        _number_at_most(9, "lathe.cut", "1", first.lobe_um_pp, 5.0),
+        _number_at_most(9, "lathe.cut", "2", second.lobe_um_pp, 1.2),
+        _number_at_most(9, "lathe.cut", "3", third.lobe_um_pp, 0.5),
+        _number_at_most(9, "lathe.averaged", "", third.averaged_um_pp, 1.5),
     )
 
 
 NUMBERS: Mapping[int, Callable[[Experiments], tuple[Record, ...]]] = {
-    1: uncompensated,
+    1: compare_uncompensated_parts,
     5: printed_program,
     6: literal_timing,
     7: inverse,
@@ -298,9 +298,11 @@ NUMBERS: Mapping[int, Callable[[Experiments], tuple[Record, ...]]] = {
 """Function that computes each number."""
 
 
-def _near(number: int, name: str, at: str, ours: float, expected: float, tolerance: float, unit: str) -> Record:
+def _number_near(
+    number: int, name: str, at: str, ours: float, expected: float, tolerance: float, unit: str
+) -> Record:
     return Record(number=number, name=name, at=at, ours=ours, expected=expected, tolerance=tolerance, unit=unit)
 
 
-def _most(number: int, name: str, at: str, ours: float, limit: float) -> Record:
+def _number_at_most(number: int, name: str, at: str, ours: float, limit: float) -> Record:
     return Record(number=number, name=name, at=at, ours=ours, expected=limit, relation=Relation.AT_MOST, unit="um")

@@ -45,8 +45,8 @@ def stopped_by(reason: str) -> str:
 
 def alarm_events(before: Alarms, after: Alarms) -> Iterator[Event]:
     """Yield what has changed: alarms raised (again), acknowledged, ended."""
-    known = {_which(alarm): alarm for alarm in before}
-    now = {_which(alarm): alarm for alarm in after}
+    known = {_alarm_key(alarm): alarm for alarm in before}
+    now = {_alarm_key(alarm): alarm for alarm in after}
     for which, alarm in now.items():
         old = known.get(which)
         if old is None or alarm.count > old.count:
@@ -63,7 +63,7 @@ def alarm_events(before: Alarms, after: Alarms) -> Iterator[Event]:
                 yield ENDED, _event(old)
 
 
-def _which(alarm: Alarm) -> tuple[str, str]:
+def _alarm_key(alarm: Alarm) -> tuple[str, str]:
     return alarm.problem.code, alarm.problem.key
 
 

@@ -104,7 +104,7 @@ def collision_problems(kinds: Iterable[str]) -> tuple[Problem, ...]:
     return tuple(Problem(code=_CODES[CollisionKind(kind)]) for kind in kinds)
 
 
-def raised(alarms: Alarms, problem: Problem, priority: Priority, at_s: float) -> Alarms:
+def raise_alarm(alarms: Alarms, problem: Problem, priority: Priority, at_s: float) -> Alarms:
     """Return the alarms with one more; one of the same code is counted again and becomes unseen."""
     for place, alarm in enumerate(alarms):
         if alarm.problem.code == problem.code and alarm.problem.key == problem.key:
@@ -113,7 +113,7 @@ def raised(alarms: Alarms, problem: Problem, priority: Priority, at_s: float) ->
     return (*alarms, Alarm(problem=problem, priority=priority, at_s=at_s))
 
 
-def restated(alarms: Alarms, problem: Problem) -> Alarms:
+def restate_alarm(alarms: Alarms, problem: Problem) -> Alarms:
     """Return the alarms with the problem of an active one updated; it is neither raised nor unseen again."""
     return tuple(
         replace(alarm, problem=problem)
@@ -123,28 +123,30 @@ def restated(alarms: Alarms, problem: Problem) -> Alarms:
     )
 
 
-def acknowledged(alarms: Alarms) -> Alarms:
+def acknowledge_alarms(alarms: Alarms) -> Alarms:
     """Return the alarms as seen by the operator; those whose cause is gone leave. Nothing is reset."""
     return tuple(replace(alarm, acknowledged=True) for alarm in alarms if alarm.active)
 
 
-def seen(alarms: Alarms, shown: tuple[Problem, ...] = ()) -> Alarms:
+def acknowledge_shown_alarms(alarms: Alarms, shown: tuple[Problem, ...] = ()) -> Alarms:
     """Return the alarms with the `shown` ones acknowledged, else the foremost; the others wait."""
     front = foremost(alarms)
     which = shown or (() if front is None else (front.problem,))
     return tuple(
-        after for alarm in alarms for after in (acknowledged((alarm,)) if alarm.problem in which else (alarm,))
+        after
+        for alarm in alarms
+        for after in (acknowledge_alarms((alarm,)) if alarm.problem in which else (alarm,))
     )
 
 
-def cleared(alarms: Alarms, *codes: str) -> Alarms:
+def clear_alarms(alarms: Alarms, *codes: str) -> Alarms:
     """Return the alarms after the cause of these codes is gone: seen ones leave, unseen ones stay."""
-    return _ended(alarms, lambda alarm: alarm.problem.code in codes)
+    return _end_alarms(alarms, lambda alarm: alarm.problem.code in codes)
 
 
-def recovered(alarms: Alarms) -> Alarms:
+def recover_alarms(alarms: Alarms) -> Alarms:
     """Return the alarms after the operator's reset following a stop: events end, conditions stay."""
-    return _ended(alarms, lambda alarm: alarm.problem.code not in CONDITIONS)
+    return _end_alarms(alarms, lambda alarm: alarm.problem.code not in CONDITIONS)
 
 
 def with_faults(alarms: Alarms, faults: Iterable[str], at_s: float, during: str = AT_REST) -> Alarms:
@@ -156,13 +158,13 @@ def with_faults(alarms: Alarms, faults: Iterable[str], at_s: float, during: str 
     now = tuple(faults)
     known = {fault for alarm in alarms if alarm.active for fault in alarm.faults}
     fresh = tuple(fault for fault in now if fault not in known)
-    after = _ended(alarms, lambda alarm: bool(alarm.faults) and not set(alarm.faults) & set(now))
+    after = _end_alarms(alarms, lambda alarm: bool(alarm.faults) and not set(alarm.faults) & set(now))
     if not fresh:
         return after
     before = (f for alarm in after if alarm.active and alarm.problem.key == during for f in alarm.faults)
     standing = (*(fault for fault in before if fault in now), *fresh)
     problem = Problem(code=FAULT, key=during, value=", ".join(standing))
-    return raised(after, problem, Priority.HIGH, at_s)
+    return raise_alarm(after, problem, Priority.HIGH, at_s)
 
 
 def foremost(alarms: Alarms) -> Alarm | None:
@@ -170,11 +172,11 @@ def foremost(alarms: Alarms) -> Alarm | None:
     return min(alarms, key=lambda a: (a.acknowledged, a.priority, not a.active, a.at_s), default=None)
 
 
-def unseen(alarms: Alarms) -> Alarms:
+def unacknowledged_alarms(alarms: Alarms) -> Alarms:
     """Return the unacknowledged alarms: each is shown in its turn."""
     return tuple(alarm for alarm in alarms if not alarm.acknowledged)
 
 
-def _ended(alarms: Alarms, over: Callable[[Alarm], bool]) -> Alarms:
+def _end_alarms(alarms: Alarms, over: Callable[[Alarm], bool]) -> Alarms:
     after = (replace(alarm, active=False) if over(alarm) else alarm for alarm in alarms)
     return tuple(alarm for alarm in after if alarm.active or not alarm.acknowledged)

@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from console.session.data.identified import ChosenResponse
+    from console.session.data.identified_responses import ChosenResponse
     from console.session.station.state import StationState
     from drivers.cutting.strategy import Strategy
     from drivers.requests.side_line import SideLine
-    from profiles.compensations.learned import LearnedCompensation
+    from profiles.compensations.learned_compensation import LearnedCompensation
     from profiles.fingerprint.readings import ClampReadings
     from profiles.job import Job
     from profiles.problem import Problem

@@ -19,19 +19,19 @@ from console.session.data.run_rows import problem_events
 from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError, refuse
 from console.session.station.actions import alarm_events, command_event
-from console.session.station.alarms import Alarms, Priority, cleared, raised
-from console.session.station.begins import Begins
+from console.session.station.alarms import Alarms, Priority, clear_alarms, raise_alarm
 from console.session.station.commands import Adjust, Command, HoldFeed, ResumeFeed
 from console.session.station.link.onlookers import Onlookers
-from console.session.station.link.reopening import Reopening
-from console.session.station.owning import Owning
-from console.session.station.reaching import Commissioned
-from console.session.station.state import Armed, StationState
+from console.session.station.link.reopening import ConnectionReopener
+from console.session.station.machine_connection import CommissioningGate
+from console.session.station.machine_control import MachineControl
+from console.session.station.session_start import SessionStart
+from console.session.station.state import ArmedCut, StationState
 from drivers.clock import Clock, TrainingClock
 from drivers.cutting.planning import CutPlan
+from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import Standing
 from drivers.pmac.client import PmacClient
 from drivers.requests.side_line import SideLine
 from drivers.simulator.plant.which_lathe import WhichLathe
@@ -58,7 +58,7 @@ class Shop(Workshop, Protocol):
         """Inject a fault: `inject NAME [KEY=VALUE ...]`; or end all of them: `clear`."""
 
 
-class Trained(Protocol):
+class InstructedLathe(Protocol):
     """A simulated lathe in the hands of an instructor."""
 
     def set_speed(self, speed: float) -> None:
@@ -91,7 +91,7 @@ class Training:
     `returning` is the checkpoint to which the lathe has just gone back, until the link to it is open.
     """
 
-    lathe: Trained
+    lathe: InstructedLathe
     clock: TrainingClock
     speed: float = 1.0
     checkpoints: dict[str, Checkpoint] = field(default_factory=dict)
@@ -116,20 +116,20 @@ class StationContext:
     """
 
     lathe: Lathe
-    owning: Owning
+    owning: MachineControl
     loaded_machine: LoadedMachine
     clock: Clock
     shop: Shop | None
     records: Path
     local_time: Callable[[], str]
-    commissioned: Commissioned | None = None
+    commissioned: CommissioningGate | None = None
     side: SideLine | None = None
-    reopening: Reopening | None = None
+    reopening: ConnectionReopener | None = None
     onlookers: Onlookers | None = None
     client: PmacClient | None = None
     plan: CutPlan | None = None
     expected_lag: Lag = NO_LAG
-    started: Armed | None = None
+    started: ArmedCut | None = None
     record: RunRecord | None = None
     seen: Callable[[Snapshot], None] | None = None
     limits_seen: frozenset[str] = frozenset()
@@ -137,7 +137,7 @@ class StationContext:
     hold_asked: HoldFeed | ResumeFeed | None = None
     adjust_asked: deque[Adjust] = field(default_factory=deque)
     faults_asked: deque[str] = field(default_factory=deque)
-    begins: Begins | None = None
+    begins: SessionStart | None = None
     orders: deque[Callable[[StationContext], None]] = field(default_factory=deque)
     training: Training | None = None
     parts: int = 0
@@ -152,7 +152,7 @@ class StationContext:
             simulated=self.shop is not None,
             lathe="" if self.shop is None else str(self.shop.which),
             machine=machine.name,
-            standing=Standing.OBSERVER,
+            standing=ConsoleRole.OBSERVER,
             alignment=Alignment(on=mounted_on(machine)),
         )
 
@@ -193,7 +193,7 @@ class StationContext:
         """Publish who controls the machine."""
         ownership = self.lathe.ownership
         if ownership is None:
-            standing, holder = Standing.OWNER, self._state.holder
+            standing, holder = ConsoleRole.OWNER, self._state.holder
         else:
             standing, holder = ownership.standing, ownership.holder
         if (standing, holder) != (self._state.standing, self._state.holder):  # it seldom changes
@@ -201,11 +201,11 @@ class StationContext:
 
     def alarm(self, problem: Problem, priority: Priority = Priority.HIGH) -> None:
         """Raise an alarm."""
-        self.change_alarms(lambda alarms: raised(alarms, problem, priority, self.clock.now_s()))
+        self.change_alarms(lambda alarms: raise_alarm(alarms, problem, priority, self.clock.now_s()))
 
     def alarm_once(self, problem: Problem, priority: Priority = Priority.HIGH) -> None:
         """Raise an alarm unless one of its code is present."""
-        if not self.alarmed(problem.code):
+        if not self.has_alarm(problem.code):
             self.alarm(problem, priority)
 
     def alarm_new(self, problems: tuple[Problem, ...]) -> None:
@@ -233,9 +233,9 @@ class StationContext:
     def end_alarms(self, *codes: str) -> None:
         """End these alarms, whose cause is gone."""
         if self._state.alarms:  # most polls find none
-            self.change_alarms(lambda alarms: cleared(alarms, *codes))
+            self.change_alarms(lambda alarms: clear_alarms(alarms, *codes))
 
-    def alarmed(self, code: str) -> bool:
+    def has_alarm(self, code: str) -> bool:
         """Whether an alarm of this code is present."""
         return any(alarm.active and alarm.problem.code == code for alarm in self._state.alarms)
 

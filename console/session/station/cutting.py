@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from console.session.cut.alignment import aligned_job, problems
-from console.session.cut.compensated import compensation_problems, inverted_path, path_of, stored_problems
-from console.session.cut.engine import CutEnd, NotAsPlannedError, Step, cut, load
+from console.session.cut.compensated_cut import compensation_problems, inverted_path, path_of, stored_problems
+from console.session.cut.engine import CutEnd, NotAsPlannedError, PartStep, cut, load
 from console.session.cut.force_watch import ForceWatch
 from console.session.cut.retracting import (
     CARRIAGE_ZERO_COUNTS,
@@ -14,29 +14,29 @@ from console.session.cut.retracting import (
     retract_and_switch_tables_off,
     retracted_by_distance,
 )
-from console.session.cut.run import planned, refuse_unplannable
+from console.session.cut.run import plan_stage, refuse_unplannable
 from console.session.cut.simulated_parts import LatheParts, lathe_setup
 from console.session.cut.telemetry import expected_lag
 from console.session.data.calibrated_chuck import calibrations_of
-from console.session.data.identified import changed_problems
+from console.session.data.identified_responses import changed_problems
 from console.session.data.learned_store import NONE, asked_for, versions
 from console.session.data.measured_part import AS_FILED, MODEL, MadeWith, newest_part, tool_event
 from console.session.data.records import RunFacts, begin_record
 from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck, force_event
-from console.session.learning.fingerprint import Fingerprint, fingerprinted, refuse_unusable
+from console.session.learning.fingerprint import FingerprintedCut, fingerprint_cut, refuse_unusable
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage
-from console.session.station.adjusting import beyond, stepped
+from console.session.station.adjustment import find_bound_problem, step_value
 from console.session.station.commands import Adjust, Arm, ClearTables, Disarm, HoldFeed, Retract, Start
 from console.session.station.context import StationContext
 from console.session.station.gain_trial import trial_problems
 from console.session.station.jogging import no_retract
-from console.session.station.progress import CutProgress, CutStage, CutWatch
-from console.session.station.state import Activity, Armed, TouchedBlank
+from console.session.station.progress import CutProgress, CutStage, CutTracker
+from console.session.station.state import Activity, ArmedCut, TouchedBlank
 from drivers.clock import boot_s
-from drivers.cutting.bounds import REAL_TIME, UNTRIMMED, Adjustable, Adjusted, Bounds, Changed, Trim
+from drivers.cutting.bounds import REAL_TIME, UNTRIMMED, Adjustable, Bounds, CutAdjustment, CutChange, Trim
 from drivers.cutting.cut_program import CutProgram
 from drivers.cutting.feed_hold import HoldState
 from drivers.cutting.override import bounds_of
@@ -47,7 +47,7 @@ from drivers.identification.nominal import path_response
 from drivers.lathe.snapshot import Snapshot
 from profiles.axis.response import ServoResponse
 from profiles.compensations.force_null import ForceNull
-from profiles.compensations.learned import history_of
+from profiles.compensations.learned_compensation import history_of
 from profiles.compensations.path import CutPath
 from profiles.fingerprint.readings import readings_text
 from profiles.job import Job
@@ -114,21 +114,21 @@ def _facts(context: StationContext, command: Arm) -> RunFacts:
     )
 
 
-class Adjusting:
+class CutChanges:
     """The changes of one cut. `changed_mm` is where the first was made, mm behind the face; None without any."""
 
     def __init__(self, context: StationContext, bounds: Bounds) -> None:
         self.changed_mm: float | None = None
         self._context, self._bounds = context, bounds
-        self._last = Adjusted(bounds=bounds)
+        self._last = CutAdjustment(bounds=bounds)
         self._applied = UNTRIMMED
         self._told: Problem | None = None
 
     @property
-    def adjusted(self) -> Adjusted:
+    def adjustment(self) -> CutAdjustment:
         """What was commanded, and the trim that the controller reports."""
         program = self._context.lathe.program
-        return Adjusted(
+        return CutAdjustment(
             override_percent=program.override.commanded,
             trim=program.live_trim.asked,
             applied=program.live_trim.applied,
@@ -147,8 +147,8 @@ class Adjusting:
 
     def _pass_on(self, asked: Adjust) -> None:
         context, program = self._context, self._context.lathe.program
-        value = stepped(asked, self.adjusted.value_of(asked.what))
-        refused = beyond(asked.what, value, self._bounds)
+        value = step_value(asked, self.adjustment.value_of(asked.what))
+        refused = find_bound_problem(asked.what, value, self._bounds)
         if refused is not None:  # several presses between two polls
             self._refuse((refused,))
             return
@@ -158,13 +158,13 @@ class Adjusting:
             if asked.what is Adjustable.OVERRIDE:
                 program.override.command(round(value))
             else:
-                program.live_trim.ask(_with(program.live_trim.asked, asked.what, value))
+                program.live_trim.ask(_set_trim_value(program.live_trim.asked, asked.what, value))
         except RefusedError as error:  # another console controls the machine: nothing was sent
             self._refuse(tuple(error.problems))
             return
         if self.changed_mm is None:
             self.changed_mm = z_mm
-        self._last = self.adjusted
+        self._last = self.adjustment
         context.note("adjusted", what=asked.what.value, value=value, z_mm=z_mm)
 
     def _refuse(self, problems: tuple[Problem, ...]) -> None:
@@ -184,26 +184,28 @@ class Adjusting:
             self._refuse((trim.problem,))
         self._told = trim.problem
 
-    def made(self, made: MadeWith) -> MadeWith:
+    def describe_making(self, made: MadeWith) -> MadeWith:
         """Return how the part was made, with what was changed while it was cut."""
-        changed = self.changed
+        changed = self.cut_change
         return made if changed is None else replace(made, changed=_words(changed))
 
     @property
-    def changed(self) -> Changed | None:
+    def cut_change(self) -> CutChange | None:
         """What was changed by now; None if nothing was."""
         if self.changed_mm is None:
             return None
-        return Changed(override_percent=self._last.override_percent, trim=self._last.trim, from_mm=self.changed_mm)
+        return CutChange(
+            override_percent=self._last.override_percent, trim=self._last.trim, from_mm=self.changed_mm
+        )
 
 
-def _with(trim: Trim, what: Adjustable, value: float) -> Trim:
+def _set_trim_value(trim: Trim, what: Adjustable, value: float) -> Trim:
     if what is Adjustable.GAIN:
         return replace(trim, gain_percent=value)
     return replace(trim, phase_deg=value)
 
 
-def _words(changed: Changed) -> str:
+def _words(changed: CutChange) -> str:
     """Return the last values in the notation of the record, and from where on something was changed."""
     trim = changed.trim
     last = f"override {changed.override_percent} %, gain {trim.gain_percent:+g} %, phase {trim.phase_deg:+g} deg"
@@ -234,20 +236,20 @@ def arm(context: StationContext, command: Arm) -> None:
     alignment, own, strategy = context.state.alignment, context.cut_context, command.strategy
     job = aligned_job(command.job, alignment)
     refuse(problems(alignment, command.job))
-    also = _learned(context, command), own.commissioned(own.lathe.snapshot())
+    also = _check_learned_version(context, command), own.commissioned(own.lathe.snapshot())
     refuse_unplannable(job, context.machine, strategy, *also, jaw_found=True, simulated=own.simulated)
-    plan, fingerprint = _planned(context, command, job)
+    plan, fingerprint = _plan_armed_cut(context, command, job)
     context.tell(loading_until_s=context.clock.now_s() + _loading_s(context, plan))
     try:
         load(own, plan, lambda *_: None, aligned=True)
     finally:
         context.tell(loading_until_s=None)
-    made = _made(context, command, fingerprint)
+    made = _describe_making(context, command, fingerprint)
     taught_by = None if command.compensation is None else command.compensation.part
     open_record(context, command, plan, made)
     context.plan = plan
     context.expected_lag = expected_lag(plan.target, job, taught_by, Stage(command.stage).fraction)
-    armed = Armed(
+    armed = ArmedCut(
         job=job,
         strategy=strategy,
         plan=plan,
@@ -263,7 +265,7 @@ def arm(context: StationContext, command: Arm) -> None:
     context.tell(armed=armed, force=_checked_before(context, job, command.loaded))
 
 
-def _made(context: StationContext, command: Arm, fingerprint: Fingerprint | None) -> MadeWith:
+def _describe_making(context: StationContext, command: Arm, fingerprint: FingerprintedCut | None) -> MadeWith:
     """Return how the part will have been cut."""
     jaw, learned = context.state.alignment.jaw, command.compensation
     return MadeWith(
@@ -302,7 +304,7 @@ def _loading_s(context: StationContext, plan: CutPlan) -> float:
     return 2.0 * len(plan.program.lines) * context.lathe.round_trip_s
 
 
-def _learned(context: StationContext, command: Arm) -> tuple[Problem, ...]:
+def _check_learned_version(context: StationContext, command: Arm) -> tuple[Problem, ...]:
     """Check version and response again: they may have been chosen some time ago, and files may have changed."""
     learned, loaded = command.compensation, command.loaded
     problems = compensation_problems(
@@ -320,7 +322,7 @@ def _learned(context: StationContext, command: Arm) -> tuple[Problem, ...]:
     return problems if learned is None else (*problems, *stored_problems(learned, context.records))
 
 
-def _planned(context: StationContext, command: Arm, job: Job) -> tuple[CutPlan, Fingerprint | None]:
+def _plan_armed_cut(context: StationContext, command: Arm, job: Job) -> tuple[CutPlan, FingerprintedCut | None]:
     """Plan the cut, by the fingerprint of the clamping where one was taken, and return that.
 
     Nothing has been sent, so every objection is a refusal.
@@ -334,14 +336,16 @@ def _planned(context: StationContext, command: Arm, job: Job) -> tuple[CutPlan, 
     try:
         if path is None:
             path = inverted_path(job, machine, strategy, command.inverts)
-        found = _clamped(context, command, job, path)
+        found = _fingerprint_clamping(context, command, job, path)
         path = path if found is None else found.path
-        return planned(job, machine, strategy, stage, path, watchdog=watchdog, from_turn=turn), found
+        return plan_stage(job, machine, strategy, stage, path, watchdog=watchdog, from_turn=turn), found
     except ProblemError as refused:
         raise SessionError(*refused.problems) from refused
 
 
-def _clamped(context: StationContext, command: Arm, job: Job, path: CutPath | None) -> Fingerprint | None:
+def _fingerprint_clamping(
+    context: StationContext, command: Arm, job: Job, path: CutPath | None
+) -> FingerprintedCut | None:
     """Return the fingerprint of this clamping with its path, None if none was taken."""
     readings, learned, strategy = context.state.alignment.readings, command.compensation, command.strategy
     if readings is None or not strategy.traits.inverts or Stage(command.stage) is Stage.AIR:
@@ -349,7 +353,7 @@ def _clamped(context: StationContext, command: Arm, job: Job, path: CutPath | No
     refuse_unusable(strategy, Stage(command.stage), readings, simulated=context.shop is not None)
     known = () if learned is None else versions(context.records, learned.holds_for)
     inverted = None if command.inverts is None else command.inverts.response
-    return fingerprinted(
+    return fingerprint_cut(
         readings,
         job,
         command.job,
@@ -379,7 +383,7 @@ def start(context: StationContext, _: Start) -> None:
         raise SessionError(Problem(code="session.not_armed"))
     context.started = armed
     context.tell(armed=None, cut=None, cut_done=False, measured=None)
-    watched = _Watched(context, armed)
+    watched = _CutPublisher(context, armed)
     context.seen = watched.publish
     before = context.state.cut_to
     touched_mm = 0.0 if before is None else before.to_mm
@@ -395,21 +399,21 @@ def start(context: StationContext, _: Start) -> None:
     _finish(context, watched, end, force)
 
 
-class _Watched:
+class _CutPublisher:
     """Publish a cut to the screens, and pass what the operator asks for to the program."""
 
-    def __init__(self, context: StationContext, armed: Armed) -> None:
+    def __init__(self, context: StationContext, armed: ArmedCut) -> None:
         self._context, self._strategy, self._stage = context, armed.strategy, CutStage.POSITION
         in_air, lag = armed.made.stage == Stage.AIR, context.expected_lag
-        self.watch = CutWatch(armed.plan, armed.job, context.machine, in_air=in_air, expected_lag=lag)
+        self.watch = CutTracker(armed.plan, armed.job, context.machine, in_air=in_air, expected_lag=lag)
         self._reports = context.lathe.program.reports()
         self._held = False
         half, self._plan = armed.made.stage == Stage.PARTIAL, armed.plan
         self.force = ForceWatch(context.lathe, armed.job) if half else None
-        self.adjusting = Adjusting(context, armed.bounds)
+        self.adjusting = CutChanges(context, armed.bounds)
 
-    def step(self, step: Step, detail: str) -> None:
-        if step is Step.CUT:
+    def step(self, step: PartStep, detail: str) -> None:
+        if step is PartStep.CUT:
             if self.force is not None:
                 self.force.begin(self._plan)
             self._context.note("started", strategy=self._strategy.value)
@@ -458,14 +462,14 @@ class _Watched:
         if not snapshot.homed:
             return
         program = context.lathe.program
-        speed_rpm, adjusted = context.state.spindle_rpm, self.adjusting.adjusted
+        speed_rpm, adjusted = context.state.spindle_rpm, self.adjusting.adjustment
         seen = self.watch.see(snapshot, self._stage, program.held, speed_rpm, program.hold.report, adjusted)
         if self._reports is not None:
             seen = replace(seen, place=self._reports.place)
-        context.tell(cut=seen, touched=_touched(seen, context.state.touched))
+        context.tell(cut=seen, touched=_update_touched_blank(seen, context.state.touched))
 
 
-def _touched(cut: CutProgress, before: TouchedBlank | None) -> TouchedBlank | None:
+def _update_touched_blank(cut: CutProgress, before: TouchedBlank | None) -> TouchedBlank | None:
     """Return how far the blank is cut after a moment of a cut; an interrupted cut leaves it a blank no longer."""
     if cut.stage is not CutStage.CUT or cut.in_air or (before is not None and before.to_mm >= cut.z_mm):
         return before
@@ -520,17 +524,17 @@ def _tables_are_off(context: StationContext) -> None:
     context.tell(alignment=replace(context.state.alignment, tables=()))
 
 
-def _finish(context: StationContext, watched: _Watched, end: CutEnd, force: ForceNull | None) -> None:
+def _finish(context: StationContext, watched: _CutPublisher, end: CutEnd, force: ForceNull | None) -> None:
     """Report how the cut has ended, and what its force says of a half stage."""
     stage = CutStage.HELD if end.held else CutStage.DONE
-    adjusted = watched.adjusting.adjusted
+    adjusted = watched.adjusting.adjustment
     ended = watched.watch.see(end.last, stage, end.held, context.state.spindle_rpm, adjusted=adjusted)
     if context.started is not None:
-        context.started = replace(context.started, made=watched.adjusting.made(context.started.made))
+        context.started = replace(context.started, made=watched.adjusting.describe_making(context.started.made))
     if ended.holds_mm:
         context.note("held_at", z_mm=list(ended.holds_mm))
     # An air cut has not touched the part: it is as good a blank as before.
-    ended = replace(ended, figures=end.figures, changed=watched.adjusting.changed, force=force)
+    ended = replace(ended, figures=end.figures, changed=watched.adjusting.cut_change, force=force)
     if force is not None and context.started is not None:
         context.tell(force=ForceCheck(job=context.started.job, found=force))
     done = not end.held and not ended.in_air

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from console.session.cut.alignment import retuned
+from console.session.cut.alignment import invalidate_retuned_tool
 from console.session.errors import SessionError
 from console.session.station import commands
 from console.session.station.alarms import Priority
 from console.session.station.context import StationContext
-from console.session.tuning.standing import UNPROVEN, StandingTrial
+from console.session.tuning.standing_trial import UNPROVEN, StandingTrial
 from console.session.tuning.stated_filter import stated_filter_problems
 from console.session.tuning.trial import TrialPlace, apply_trial, revert_trial, safe_trial
 from drivers.errors import LinkError
@@ -19,7 +19,7 @@ from profiles.problem import Problem, ProblemError
 ALARMS = ("trial.active", "trial.stands", "trial.unknown", "trial.file", *UNPROVEN)
 
 
-def verified(context: StationContext) -> tuple[Problem, ...]:
+def verify_controller(context: StationContext) -> tuple[Problem, ...]:
     """Return how the controller differs from its profile, with the gains that are on trial, and publish those.
 
     Gains on trial that stand as they were applied are no difference: drives may be enabled, to test them. Any
@@ -44,15 +44,15 @@ def trial_problems(context: StationContext) -> tuple[Problem, ...]:
 
 def apply_gains(context: StationContext, command: commands.ApplyGains) -> None:
     """Write proposed gains, drives disabled, within the bounds, each read back."""
-    _changed(context, lambda place: apply_trial(place, dict(command.settings), dict(command.shown)))
+    _change_gains(context, lambda place: apply_trial(place, dict(command.settings), dict(command.shown)))
 
 
 def revert_gains(context: StationContext, _: commands.RevertGains) -> None:
     """Write back the gains there were before the trial, drives disabled, each read back."""
-    _changed(context, revert_trial)
+    _change_gains(context, revert_trial)
 
 
-def _changed(context: StationContext, work: Callable[[TrialPlace], None]) -> None:
+def _change_gains(context: StationContext, work: Callable[[TrialPlace], None]) -> None:
     place = _place(context)
     if place is None:
         raise SessionError(Problem(code="session.lost"))
@@ -63,7 +63,7 @@ def _changed(context: StationContext, work: Callable[[TrialPlace], None]) -> Non
         finally:
             _take_up(context, place, before)
     except LinkError:
-        context.tell(alignment=retuned(context.state.alignment, context.local_time()))
+        context.tell(alignment=invalidate_retuned_tool(context.state.alignment, context.local_time()))
         context.alarm_once(Problem(code="trial.unknown"), Priority.MEDIUM)
         raise
     except SessionError:
@@ -78,8 +78,8 @@ def _take_up(context: StationContext, place: TrialPlace, before: Mapping[str, fl
     if after != before:
         if context.commissioned is not None:
             context.commissioned.wrote({place.gains.indices[name]: value for name, value in after.items()})
-        context.tell(alignment=retuned(context.state.alignment, context.local_time()))
-    settings = verified(context)
+        context.tell(alignment=invalidate_retuned_tool(context.state.alignment, context.local_time()))
+    settings = verify_controller(context)
     lasting = () if context.commissioned is None else context.commissioned.lasting_problems()
     context.tell(
         alignment=replace(context.state.alignment, settings=settings),

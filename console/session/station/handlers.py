@@ -11,20 +11,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from console.session.cut.alignment import clamped, force_problems, table_problems
+from console.session.cut.alignment import clamp_blank, force_problems, table_problems
 from console.session.cut.engine import tool_clear
 from console.session.cut.interlocks import of_drives, of_job
 from console.session.cut.retracting import refuse_unless_still
-from console.session.data import health, identified
+from console.session.data import health, identified_responses
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError, refuse, require
 from console.session.station import commands, jogging
-from console.session.station.alarms import NOBODYS, OUSTED, recovered
-from console.session.station.begins import Begins
+from console.session.station.alarms import NOBODYS, OUSTED, recover_alarms
 from console.session.station.context import StationContext
 from console.session.station.cutting import arm, clear_left_tables, disarm, retract, start
 from console.session.station.durations import approach_s, home_s, jog_s
-from console.session.station.gain_trial import apply_gains, revert_gains, trial_problems, verified
+from console.session.station.gain_trial import apply_gains, revert_gains, trial_problems, verify_controller
 from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
 from console.session.station.readings import (
     forget,
@@ -35,13 +34,14 @@ from console.session.station.readings import (
     take_jaw,
     take_touch_off,
 )
+from console.session.station.session_start import SessionStart
 from console.session.station.state import Activity
 from console.session.station.targets import GO_TO, distance_to, target_problems
 from drivers.errors import ControllerError
 from drivers.identification.health import HealthRequest, check_health
 from drivers.identification.identify import identify, origin_of
 from drivers.identification.request import IdentificationRequest
-from drivers.identification.result import Origin
+from drivers.identification.result import ResponseOrigin
 from drivers.identification.rig import Rig
 from drivers.identification.tool_gains import read_tool_loop
 from drivers.lathe.safety import safety_problems
@@ -63,7 +63,7 @@ def verify(context: StationContext, _: commands.Verify) -> None:
     """
     if context.state.controls:
         context.lathe.program.put_back()
-    settings = verified(context)
+    settings = verify_controller(context)
     tables: tuple[Problem, ...] = ()
     if context.state.controls:
         tables = context.lathe.program.tables_left()
@@ -98,7 +98,7 @@ def confirm_clamping(context: StationContext, command: commands.ConfirmClamping)
     refuse(force_problems(command.job))
     if context.shop is not None:
         context.shop.mount(command.job)
-    alignment = clamped(context.state.alignment, command.job, context.local_time())
+    alignment = clamp_blank(context.state.alignment, command.job, context.local_time())
     context.tell(alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None)
     context.tell(indicated=None)
 
@@ -125,7 +125,7 @@ def switch_on(context: StationContext, _: commands.EnableDrives) -> None:
         raise SessionError(*refused.problems) from refused
 
 
-def begin_as(context: StationContext, begins: Begins) -> None:
+def begin_as(context: StationContext, begins: SessionStart) -> None:
     """Take over the stamps with which a session begins, and enable the drives where they were enabled."""
     if context.shop is None:
         raise SessionError(Problem(code="session.not_simulated"))
@@ -209,7 +209,7 @@ def recover(context: StationContext, _: commands.Recover) -> None:
         if context.started is not None and context.started.plan.program.tables:
             tables = context.lathe.program.tables_left()
             context.tell(alignment=replace(context.state.alignment, tables=tables))
-    context.change_alarms(recovered)
+    context.change_alarms(recover_alarms)
     context.tell(stop=None, armed=None, lost_link=None)
     context.limits_seen = context.lathe.snapshot().limits
 
@@ -241,23 +241,23 @@ def check_tool(context: StationContext, command: commands.CheckHealth) -> None:
     """Test the tool at its zero, and keep the result."""
     request = HealthRequest(step_um=command.step_um)
 
-    def work(rig: Rig, origin: Origin) -> Path:
+    def work(rig: Rig, origin: ResponseOrigin) -> Path:
         return health.store(context.records, check_health(rig, request, origin, utc_now()))
 
-    _tested(context, work)
+    _run_tests(context, work)
 
 
 def identify_tool(context: StationContext, command: commands.IdentifyTool) -> None:
     """Identify the tool on one path, and keep its response."""
     request = IdentificationRequest(path=command.path)
 
-    def work(rig: Rig, origin: Origin) -> Path:
-        return identified.store(context.records, identify(rig, request, origin, utc_now()))
+    def work(rig: Rig, origin: ResponseOrigin) -> Path:
+        return identified_responses.store(context.records, identify(rig, request, origin, utc_now()))
 
-    _tested(context, work)
+    _run_tests(context, work)
 
 
-def _tested(context: StationContext, work: Callable[[Rig, Origin], Path]) -> None:
+def _run_tests(context: StationContext, work: Callable[[Rig, ResponseOrigin], Path]) -> None:
     """Refuse what must not be, work, and tell the file."""
     client, lathe = _client(context), context.lathe
     snapshot, machine = lathe.snapshot(), context.loaded_machine.machine

@@ -82,11 +82,11 @@ class Steps:
     mm: int = FIRST_RUNG
     deg: int = FIRST_RUNG
 
-    def of(self, axis: AxisName) -> float:
+    def step_length(self, axis: AxisName) -> float:
         """Return the length of a step of an axis, mm or degrees."""
         return STEPS_DEG[self.deg] if axis is AxisName.SPINDLE else STEPS_MM[self.mm]
 
-    def changed(self, axis: AxisName, by: int) -> Steps:
+    def change_step(self, axis: AxisName, by: int) -> Steps:
         """Return the selection with the ladder of an axis moved by so many rungs, within its ends."""
         name, ladder = ("deg", STEPS_DEG) if axis is AxisName.SPINDLE else ("mm", STEPS_MM)
         return replace(self, **{name: min(max(getattr(self, name) + by, 0), len(ladder) - 1)})

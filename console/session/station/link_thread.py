@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING
 
 from console.session.errors import fault_problem
 from console.session.signals import LEAVE_WITHIN_S
-from console.session.station.alarms import Priority, raised
+from console.session.station.alarms import Priority, raise_alarm
 from console.session.station.state import IDLE, Activity, StationState
 from profiles.problem import ProblemError
 
 if TYPE_CHECKING:
     from console.session.station.commands import Command
-    from console.session.station.link.opening import Opened
+    from console.session.station.link.opening import OpenMachine
     from drivers.clock import TrainingClock
     from drivers.requests.side_line import SideLine
 
@@ -42,7 +42,7 @@ class LinkThread:
         self,
         machine: str,
         simulated: bool,
-        open_machine: Callable[[], Opened],
+        open_machine: Callable[[], OpenMachine],
         *,
         clock: TrainingClock | None = None,
         leave_s: float = LEAVE_S,
@@ -50,7 +50,7 @@ class LinkThread:
     ) -> None:
         self._open, self._clock = open_machine, clock
         self._leave_s, self._give_up = leave_s, give_up
-        self._opened: Opened | None = None
+        self._opened: OpenMachine | None = None
         self._unopened = StationState(machine=machine, simulated=simulated)
         self._may_open = False
         self._stopped: str | None = None
@@ -161,7 +161,7 @@ class LinkThread:
         except Exception as error:
             state, alarms = self.state, self.state.alarms
             for problem in error.problems if isinstance(error, ProblemError) else (fault_problem(error),):
-                alarms = raised(alarms, problem, Priority.HIGH, self.now_s())
+                alarms = raise_alarm(alarms, problem, Priority.HIGH, self.now_s())
             self._unopened = replace(state, activity=Activity.LOST, alarms=alarms)
             self._opened = None
             self._wait_until(lambda: self._ending is not None)
@@ -171,7 +171,7 @@ class LinkThread:
         time.sleep(self._leave_s)
         self._give_up(1)
 
-    def _work(self, opened: Opened) -> None:
+    def _work(self, opened: OpenMachine) -> None:
         self._opened, self._at_rest = opened, False
         station = opened.station
         try:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from console.session.cut.alignment import unclamped
+from console.session.cut.alignment import unclamp_blank
 from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
 from console.session.data.learned_store import asked_for
@@ -23,7 +23,7 @@ from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, TakeTrace
 from console.session.station.context import StationContext
 from console.session.station.readings import refuse_far
-from console.session.station.state import Armed, MeasuredPart
+from console.session.station.state import ArmedCut, MeasuredPart
 from drivers.cutting.strategy import Strategy
 from profiles.files import printable
 from profiles.job import Job
@@ -42,13 +42,13 @@ def measure_simulated(context: StationContext) -> None:
     sha256 = hashlib.sha256(trace.deviation_um.tobytes()).hexdigest()
     header, _ = header_of(trace.meta)
     found = EvaluatedPart(trace=trace, header=header, turn=trace, job=started.job, judged=roundness_of(trace))
-    part = _judged(context, _just_cut(context, started), started.loaded, found, (GAUGE, sha256))
+    part = _judge_part(context, _just_cut(context, started), started.loaded, found, (GAUGE, sha256))
     run_id = None if context.record is None else context.record.run_id
     part = replace(part, run_id=run_id)
     if context.record is not None:
-        context.record.add("measured", _event(part), _kept(part, trace))
+        context.record.add("measured", _event(part), _part_to_record(part, trace))
     context.end_record()
-    context.tell(cut_done=False, alignment=unclamped(context.state.alignment, context.local_time()))
+    context.tell(cut_done=False, alignment=unclamp_blank(context.state.alignment, context.local_time()))
     _publish(context, part)
 
 
@@ -81,10 +81,10 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     run_id = context.record.run_id if cut.run_id is None and context.record is not None else cut.run_id
     found = of_this_part(found, context.records, run_id)
     refuse_unready(found)
-    part = _judged(context, cut, loaded, found, (printable(found.path.name), found.sha256))
+    part = _judge_part(context, cut, loaded, found, (printable(found.path.name), found.sha256))
     measured = {**_event(part), **_file_event(found), **command.answers}
     asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(job)}
-    kept = _kept(part, found.trace, (printable(found.path.name), found.content), asked)
+    kept = _part_to_record(part, found.trace, (printable(found.path.name), found.content), asked)
     if cut.run_id is not None:
         add_to_run(context.records, cut.run_id, "measured", measured, kept)
     elif context.record is not None:
@@ -92,7 +92,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
         context.record.add("measured", measured, kept)
         context.end_record()
     if in_chuck:
-        context.tell(cut_done=False, alignment=unclamped(context.state.alignment, context.local_time()))
+        context.tell(cut_done=False, alignment=unclamp_blank(context.state.alignment, context.local_time()))
     _publish(context, part)
 
 
@@ -111,7 +111,7 @@ def _cut_of(context: StationContext, command: TakeTrace) -> tuple[CutPart, Job, 
     return part, as_cut(loaded.job, part.made), loaded
 
 
-def _just_cut(context: StationContext, started: Armed) -> CutPart:
+def _just_cut(context: StationContext, started: ArmedCut) -> CutPart:
     """Return the part in the chuck."""
     progress = context.state.cut
     figures = None if progress is None else progress.figures
@@ -124,7 +124,7 @@ def _just_cut(context: StationContext, started: Armed) -> CutPart:
     )
 
 
-def _judged(
+def _judge_part(
     context: StationContext,
     cut: CutPart,
     loaded: LoadedJob | None,
@@ -199,7 +199,7 @@ def _event(part: MeasuredPart) -> dict[str, object]:
     }
 
 
-def _kept(
+def _part_to_record(
     part: MeasuredPart,
     trace: Trace,
     file: tuple[str, bytes] | None = None,

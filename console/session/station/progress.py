@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from console.session.cut import telemetry
 from console.session.cut.interlocks import SPEED_BAND
 from console.session.cut.telemetry import NO_LAG, Lag
-from drivers.cutting.bounds import AS_PLANNED, REAL_TIME, Adjusted, Changed
+from drivers.cutting.bounds import AS_PLANNED, REAL_TIME, CutAdjustment, CutChange
 from drivers.cutting.feed_hold import MOST_HELD_S, NOT_HELD, HoldReport, HoldState
 from drivers.cutting.live_trim import trim_um
 from drivers.cutting.planning import CutPlan
@@ -134,7 +134,7 @@ def approach_s(plan: CutPlan, machine: MachineProfile, snapshot: Snapshot) -> fl
     return sum(way.left / settings_of(machine, way.axis).jog_speed + AXIS_S for way in ways)
 
 
-class PhaseClock:
+class CutPhaseClock:
     """Which phases of one cut are not over, with the time left: by the clock of the polls, the cut by its Z."""
 
     def __init__(self, plan: CutPlan, machine: MachineProfile) -> None:
@@ -142,7 +142,7 @@ class PhaseClock:
         self._planned = planned_phases(plan, machine)
         self._begun_s: dict[CutPhase, float] = {}
 
-    def left(
+    def remaining_phases(
         self, phase: CutPhase, snapshot: Snapshot, cut_left_s: float, pace: float = 1.0
     ) -> tuple[PhaseLeft, ...]:
         """Return what is left from `phase` on; `cut_left_s` is that of the cut by the length already cut.
@@ -211,7 +211,7 @@ class CutProgress:
     tool_error_um: float
     tool_error_peak_um: float
     following_error_um: float
-    phase: telemetry.Phase | None
+    phase: telemetry.PhaseLag | None
     angles_deg: NDArray[np.float64]
     errors_um: NDArray[np.float64]
     phase_limit_deg: float | None
@@ -227,10 +227,10 @@ class CutProgress:
     hold_from_mm: float | None = None
     holds_mm: tuple[float, ...] = ()
     held_left_s: float | None = None
-    adjusted: Adjusted = AS_PLANNED
-    path_phase: telemetry.Phase | None = None
+    adjusted: CutAdjustment = AS_PLANNED
+    path_phase: telemetry.PhaseLag | None = None
     expected_lag: Lag = NO_LAG
-    changed: Changed | None = None
+    changed: CutChange | None = None
     force: ForceNull | None = None
 
     @property
@@ -298,7 +298,7 @@ class SpindleWatch:
         self._polls = []
 
 
-class Away:
+class FeedHoldTracker:
     """When a feed hold has the tool off its path, by the reports of the program: such polls are not judged.
 
     The program reports its moves before they are made, so a turn is left out after it has come back. `at_mm` is
@@ -328,7 +328,7 @@ class Away:
         return self._back_at is not None and abs(snapshot.spindle.position) < self._back_at
 
 
-class CutWatch:
+class CutTracker:
     """Follow one cut. `see` is called with every status poll; it belongs to the link thread."""
 
     def __init__(
@@ -347,8 +347,8 @@ class CutWatch:
         self._phase_limit_deg = telemetry.phase_limit_deg(plan.target, job.roundness_tolerance_um)
         # In air no force is on the tool: it may also follow its path as it is.
         self._expected_lag = (min(expected_lag[0], 0.0), max(expected_lag[1], 0.0)) if in_air else expected_lag
-        self._clock = PhaseClock(plan, machine)
-        self._away = Away(machine.spindle.counts_per_rev)
+        self._clock = CutPhaseClock(plan, machine)
+        self._away = FeedHoldTracker(machine.spindle.counts_per_rev)
         self._adjusted, self._pace = AS_PLANNED, 1.0
 
     def see(
@@ -358,7 +358,7 @@ class CutWatch:
         holding: bool,
         speed_rpm: float | None,
         hold: HoldReport = NOT_HELD,
-        adjusted: Adjusted = AS_PLANNED,
+        adjusted: CutAdjustment = AS_PLANNED,
     ) -> CutProgress:
         """Take a poll and return the progress at that moment, including the spindle speed."""
         self._adjusted, self._pace = adjusted, adjusted.override_percent / REAL_TIME
@@ -417,7 +417,7 @@ class CutWatch:
         phase = _PHASES.get(moment.stage)
         if moment.synchronisation is Synchronisation.WAITING:
             phase = CutPhase.INDEX
-        return () if phase is None else self._clock.left(phase, snapshot, moment.left_s, self._pace)
+        return () if phase is None else self._clock.remaining_phases(phase, snapshot, moment.left_s, self._pace)
 
     def _to_go(self, snapshot: Snapshot, moment: CutProgress) -> tuple[AxisToGo, ...]:
         match moment.stage:
@@ -484,11 +484,11 @@ class CutWatch:
     def _past_face_mm(self, snapshot: Snapshot) -> float:
         return (snapshot.carriage.position - self._face) / self._machine.carriage.counts_per_mm
 
-    def _phase_of(self, infeeds: deque[tuple[float, float]]) -> telemetry.Phase | None:
+    def _phase_of(self, infeeds: deque[tuple[float, float]]) -> telemetry.PhaseLag | None:
         return telemetry.phase_of(_samples(infeeds), self._plan.target) if self._judged else None
 
     def _synchronisation(
-        self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: telemetry.Phase | None
+        self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: telemetry.PhaseLag | None
     ) -> Synchronisation | None:
         strategy, target_rpm = self._plan.strategy, self._plan.spindle_speed_rpm
         if stage is CutStage.CUT:

@@ -15,14 +15,14 @@ from console.session.station import commands, jogging
 from console.session.station.context import StationContext
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.fingerprint.readings import readings_problem
-from profiles.fingerprint.this_clamping import felt
+from profiles.fingerprint.this_clamping import evaluate_readings
 from profiles.machine import ToolAxis
 from profiles.problem import Problem, ProfileError
 
 
 def take_flank(context: StationContext, _: commands.TakeFlank) -> None:
     """Record a flank of jaw 1 at the present spindle position."""
-    angle_deg, alignment = _angle_deg(context, _rested(context)), context.state.alignment
+    angle_deg, alignment = _angle_deg(context, _wait_for_standstill(context)), context.state.alignment
     problem = reading_problem(alignment.flanks, angle_deg, _jaws(context))
     refuse(() if problem is None else (problem,))
     context.tell(alignment=replace(alignment, flanks=(*alignment.flanks, angle_deg)))
@@ -30,7 +30,7 @@ def take_flank(context: StationContext, _: commands.TakeFlank) -> None:
 
 def take_jaw(context: StationContext, command: commands.TakeJaw) -> None:
     """Record jaw 1: by the readings of its flanks with their spread, or at the present spindle position."""
-    snapshot, alignment = _rested(context), context.state.alignment
+    snapshot, alignment = _wait_for_standstill(context), context.state.alignment
     angle_deg, spread = _angle_deg(context, snapshot), None
     if alignment.flanks:
         problem = spread_problem(alignment.flanks, command.most_spread_deg)
@@ -43,14 +43,14 @@ def take_jaw(context: StationContext, command: commands.TakeJaw) -> None:
 
 def note_skim(context: StationContext, _: commands.NoteSkim) -> None:
     """Record where the tool made a skim cut; it may be moved away to measure the diameter."""
-    snapshot = _rested(context)
+    snapshot = _wait_for_standstill(context)
     _refuse_beside_part(context, snapshot)
     context.tell(alignment=replace(context.state.alignment, skim_counts=snapshot.tool.position))
 
 
 def take_touch_off(context: StationContext, command: commands.TakeTouchOff) -> None:
     """Record the touch-off: the tip is at this radius, at its present position or where it made the skim cut."""
-    snapshot = _rested(context)
+    snapshot = _wait_for_standstill(context)
     nominal, alignment = context.loaded_machine.machine, context.state.alignment
     tool, clamping, at_counts = nominal.tool, alignment.clamping, snapshot.tool.position
     if command.skimmed:
@@ -96,7 +96,7 @@ def take_fingerprint(context: StationContext, command: commands.TakeFingerprint)
         few = readings_problem(command.readings)
         refuse(() if few is None else (few,))
         try:
-            felt(command.readings, command.job)
+            evaluate_readings(command.readings, command.job)
         except ProfileError as refused:
             raise SessionError(*refused.problems) from refused
     context.tell(alignment=replace(alignment, readings=command.readings))
@@ -107,7 +107,7 @@ def forget(context: StationContext, _: commands.Forget) -> None:
     context.tell(alignment=without_reading(context.state.alignment))
 
 
-def _rested(context: StationContext) -> Snapshot:
+def _wait_for_standstill(context: StationContext) -> Snapshot:
     context.refuse_unless_homed()
     snapshot = context.lathe.snapshot()
     require(snapshot.at_rest, "machine.moving")

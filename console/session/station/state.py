@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
 from drivers.cutting.bounds import UNCHANGEABLE, Bounds
+from drivers.lathe.console_role import NOBODY, ConsoleRole, Signature
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import NOBODY, Signature, Standing
 from profiles.problem import Problem
 from profiles.trace_files.header import DIAMETER_STATED, size_doubt
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from console.session.learning.part_learning import PartLearning
     from console.session.station.link.lost_link import LostLink
     from console.session.station.progress import CutProgress
-    from console.session.tuning.standing import StandingTrial
+    from console.session.tuning.standing_trial import StandingTrial
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_gains import ToolLoop
@@ -110,7 +110,7 @@ class StopState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Armed:
+class ArmedCut:
     """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found.
 
     `alignment` is that of the arming. `made` is how the part will have been cut, `loaded` the file of
@@ -208,7 +208,7 @@ class StationState:
     """
 
     activity: Activity = Activity.CONNECTING
-    standing: Standing = Standing.OWNER
+    standing: ConsoleRole = ConsoleRole.OWNER
     holder: int = NOBODY
     held_by: Signature | None = None
     onlookers: int = 0
@@ -234,7 +234,7 @@ class StationState:
     ends_at_most: bool = False
     lost_link: LostLink | None = None
     loading_until_s: float | None = None
-    armed: Armed | None = None
+    armed: ArmedCut | None = None
     cut: CutProgress | None = None
     cut_done: bool = False
     touched: TouchedBlank | None = None
@@ -277,7 +277,7 @@ class StationState:
     @property
     def controls(self) -> bool:
         """Whether this console controls the machine; another one may be why it moves."""
-        return self.standing is Standing.OWNER
+        return self.standing is ConsoleRole.OWNER
 
     @property
     def may_move(self) -> bool:

@@ -13,12 +13,12 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from console.session.cut.alignment import observed
+from console.session.cut.alignment import observe_poll
 from console.session.cut.trip_cause import BY_FRICTION, with_cause
 from console.session.data.records import LEFT_IN_PART
 from console.session.errors import SessionError, fault_problem
-from console.session.station.adjusting import adjust_refusal, hold_refusal
-from console.session.station.alarms import OF_A_CUT, Priority, seen
+from console.session.station.adjustment import adjust_refusal, hold_refusal
+from console.session.station.alarms import OF_A_CUT, Priority, acknowledge_shown_alarms
 from console.session.station.commands import (
     Acknowledge,
     Adjust,
@@ -39,10 +39,10 @@ from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS, begin_as
 from console.session.station.link.holding import HolderWatch
 from console.session.station.link.left_runs import LeftRuns
-from console.session.station.link.reconnecting import SILENT_CODES, Reconnecting
+from console.session.station.link.reconnecting import SILENT_CODES, Reconnection
 from console.session.station.progress import SpindleWatch
 from console.session.station.state import IDLE, MOVING, Activity, StationState
-from console.session.station.stops import Stops, leaves_tool_in_part
+from console.session.station.stops import MachineStops, leaves_tool_in_part
 from console.session.station.training import Instruct, carry_out
 from console.session.station.watches import (
     ChuckSight,
@@ -62,7 +62,7 @@ from drivers.lathe.guards import unasked_motion
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StoppedError
 from drivers.link.base import GONE
-from drivers.requests.side_line import Moment, SideLine
+from drivers.requests.side_line import RequestConditions, SideLine
 from profiles.problem import Problem, ProblemError
 
 SCREEN_TIMEOUT_S = 2.0  # timeout of a silent screen while something moves
@@ -71,7 +71,7 @@ OBSERVERS_COMMANDS = (Verify, Recover, TakeControl, ReadLoop)
 
 
 def _acknowledge(context: StationContext, command: Acknowledge) -> None:
-    context.change_alarms(partial(seen, shown=command.shown))
+    context.change_alarms(partial(acknowledge_shown_alarms, shown=command.shown))
 
 
 def _end_cut(context: StationContext, _: EndCut) -> Problem | None:
@@ -141,9 +141,9 @@ class Station:
         self._slot = threading.Lock()
         self._link_time = LinkTime()
         self._spindle = SpindleWatch(context.loaded_machine.machine.spindle.counts_per_rev)
-        self._stops, self._sight = Stops(context, self._spindle.forget), ChuckSight(context)
+        self._stops, self._sight = MachineStops(context, self._spindle.forget), ChuckSight(context)
         self._holder, self._left = HolderWatch(context), LeftRuns(context)
-        self._reconnecting = Reconnecting(context, self._stops)
+        self._reconnecting = Reconnection(context, self._stops)
         self._pause = PollPause(context)
         context.pause_problem = self._pause.problem
 
@@ -152,10 +152,10 @@ class Station:
         """The newest state."""
         return self._context.state
 
-    def seen(self, snapshot: Snapshot) -> None:
+    def take_poll(self, snapshot: Snapshot) -> None:
         """Take a status poll, from whatever wait it was made in: the lathe calls this."""
         context, before = self._context, self._context.state
-        alignment = observed(
+        alignment = observe_poll(
             before.alignment,
             drives_on=snapshot.loops_closed,
             homed=snapshot.homed,
@@ -206,10 +206,10 @@ class Station:
         """The number of parts that were cut to their end."""
         return self._context.parts
 
-    def _moment(self, snapshot: Snapshot) -> Moment:
+    def _moment(self, snapshot: Snapshot) -> RequestConditions:
         """Return what requests beside the polls are judged by; with a command waiting, as in motion."""
         state, stopped = self._context.state, self._context.lathe.stop.reason is not None
-        return Moment(
+        return RequestConditions(
             at_rest=snapshot.at_rest and state.activity in IDLE and self._command is None,
             controls=state.controls,
             homing=state.activity is Activity.HOMING,
@@ -220,7 +220,7 @@ class Station:
     def connect(self) -> bool:
         """Set up the link and compare the controller with its profile; False when no PMAC answers yet."""
         context = self._context
-        if not self._reconnecting.reopened():
+        if not self._reconnecting.reopen_connection():
             return False
         try:
             version, kind = context.lathe.connect()
@@ -229,7 +229,7 @@ class Station:
             for problem in error.problems:
                 context.alarm_once(problem)
             context.tell(activity=Activity.LOST)
-            self._reconnecting.unanswered(error.problems[0])
+            self._reconnecting.give_up_connection(error.problems[0])
             return False
         context.end_alarms(*GONE, *SILENT_CODES)
         context.tell(controller=f"{kind} {version}", firmware=(version, kind), lost_link=None)
@@ -244,7 +244,7 @@ class Station:
         begins = context.begins
         if begins is not None:
             context.tell(activity=Activity.SWITCHING)
-            self._guarded(lambda: begin_as(context, begins))
+            self._guard_operation(lambda: begin_as(context, begins))
         return True
 
     def post(self, intent: Command) -> bool:
@@ -295,12 +295,12 @@ class Station:
         carry_out(context)
         if self._stops.gone:
             if context.side is not None:  # nobody polls any more, and somebody may wait for an answer
-                context.side.serve(Moment(at_rest=False, controls=False, lost=True))
+                context.side.serve(RequestConditions(at_rest=False, controls=False, lost=True))
             self._reconnecting.step()
             return
         if context.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
-            self._reconnecting.settled()
+            self._reconnecting.note_rest()
             self._pause.end()
         else:
             self._stops.commanded, freezes = command is not None, context.lathe.stop.freezes
@@ -313,7 +313,7 @@ class Station:
                 self._carry_out(command)
                 self._pause.end(froze_s=0.0 if freezes is None else freezes.froze_s)
             else:
-                self._guarded(self._poll)
+                self._guard_operation(self._poll)
         armed = context.state.armed
         if armed is not None and context.clock.now_s() > armed.until_s:
             context.tell(armed=None, refusals=(Problem(code="session.arm_expired"),))
@@ -358,7 +358,7 @@ class Station:
             if isinstance(command, TakeControl):
                 self._left.ask()
 
-        self._guarded(worked)
+        self._guard_operation(worked)
 
     def _poll(self) -> None:
         context = self._context
@@ -385,7 +385,7 @@ class Station:
         if self.state.controls and snapshot.at_rest and self.state.armed is None:
             self._left.look()
 
-    def _guarded(self, work: Callable[[], None]) -> None:
+    def _guard_operation(self, work: Callable[[], None]) -> None:
         """Run an operation on the machine; on any error, report it and stop the machine."""
         context = self._context
         try:
@@ -397,21 +397,21 @@ class Station:
             snapshot, activity = context.state.snapshot, context.state.activity
             at_rest = snapshot is not None and snapshot.at_rest
             if activity is Activity.CUTTING or (activity in MOVING and not at_rest):
-                self._failed(refused)
+                self._report_failure(refused)
             else:
                 context.log_refusal(refused.problems)
                 context.tell(refusals=tuple(refused.problems), activity=Activity.READY)
         except ProblemError as error:
-            self._failed(error)
+            self._report_failure(error)
         except Exception as fault:
             # A fault of the console itself must stop the machine too.
-            self._failed(SessionError(fault_problem(fault)))
+            self._report_failure(SessionError(fault_problem(fault)))
         else:
             after = Activity.READY if context.lathe.stop.reason is None else Activity.STOPPING
             if context.state.activity is not after:  # most often a poll of a machine that is ready
                 context.tell(activity=after)
 
-    def _failed(self, error: ProblemError) -> None:
+    def _report_failure(self, error: ProblemError) -> None:
         context, lost = self._context, isinstance(error, LinkError)
         if context.lathe.anothers:  # another console controls the machine: nothing is sent to it
             for problem in error.problems:

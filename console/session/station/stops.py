@@ -14,8 +14,8 @@ from console.session.station.progress import RUNNING, CutStage
 from console.session.station.state import MOVING, Activity, StopState
 from console.session.station.watches import watch_axes
 from drivers.errors import DriverError, RefusedError
+from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import Standing
 from drivers.lathe.standstill import STILL_COUNTS
 from drivers.link.base import GONE
 from profiles.problem import Problem, ProblemError
@@ -33,7 +33,7 @@ def leaves_tool_in_part(context: StationContext) -> bool:
     return snapshot is None or tool_in_part(snapshot, context.machine, state.alignment) is not False
 
 
-class Stops:
+class MachineStops:
     """Stops of one machine. `gone` is whether the connection is lost: nothing answers until it is opened anew.
 
     `commanded` is whether the last thing that the station did before a stop was a command, and no poll. While
@@ -86,7 +86,7 @@ class Stops:
             current = replace(current, killed=stop.killed, delivered=stop.delivered)
             context.tell(stop=current, activity=Activity.LOST)
         else:
-            self._rested(current, snapshot)
+            self._report_rest(current, snapshot)
             if idle is not None and _same_drives(idle, snapshot):
                 self._let_go(snapshot)
 
@@ -127,7 +127,7 @@ class Stops:
         A tool that comes to rest in a turning part cuts a groove there, deeper than its path in places.
         """
         context, state = self._context, self._context.state
-        if state.standing is Standing.OBSERVER:
+        if state.standing is ConsoleRole.OBSERVER:
             with suppress(ProblemError):  # the owner of the machine then knows who ended its cut
                 context.lathe.say_stopped()
         cut = state.cut if state.activity is Activity.CUTTING else None
@@ -160,7 +160,7 @@ class Stops:
         if tool_in_part(snapshot, context.loaded_machine.machine, alignment) is False:
             context.tell(stop=replace(stop, mark_mm=None), marks_mm=context.state.marks_mm[:-1])
 
-    def _rested(self, current: StopState, snapshot: Snapshot) -> None:
+    def _report_rest(self, current: StopState, snapshot: Snapshot) -> None:
         context = self._context
         mark_mm = current.mark_mm
         if mark_mm is not None and (found_mm := self._behind_face_mm()) is not None:
@@ -215,7 +215,7 @@ class Stops:
                 turn=None if cut is None else cut.turn,
                 proven=proven,
                 killed=killed,
-                taken_after_s=_after(stop, stop.taken_s if proven else None),
+                taken_after_s=_time_after_stop_s(stop, stop.taken_s if proven else None),
                 **(_times(stop) if proven else {}),
             )
         elif killed and not before[1]:
@@ -259,13 +259,16 @@ class Stops:
             self._still_s = before.at_s
 
 
-def _after(stop: StopState, at_s: float | None) -> float | None:
+def _time_after_stop_s(stop: StopState, at_s: float | None) -> float | None:
     return None if at_s is None else at_s - stop.sent_s
 
 
 def _times(stop: StopState) -> dict[str, object]:
     """Return for the record how long after a stop nothing moved any more, and when that was proven."""
-    return {"still_after_s": _after(stop, stop.still_s), "proven_after_s": _after(stop, stop.rest_s)}
+    return {
+        "still_after_s": _time_after_stop_s(stop, stop.still_s),
+        "proven_after_s": _time_after_stop_s(stop, stop.rest_s),
+    }
 
 
 def _same_drives(before: Snapshot, after: Snapshot) -> bool:

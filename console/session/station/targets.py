@@ -68,7 +68,7 @@ def target_range(machine: MachineProfile, axis: AxisName) -> tuple[float, float]
 
 def distance_to(snapshot: Snapshot, machine: MachineProfile, axis: AxisName, target: float) -> float:
     """Return the distance of a jog to a target, signed, mm or degrees; of the spindle at most half a turn."""
-    away = target - snapshot.axis(axis).commanded / counts_per_unit(machine, axis)
+    away = target - snapshot.axis(axis).commanded_position / counts_per_unit(machine, axis)
     if axis is not AxisName.SPINDLE:
         return away
     return (away + TURN_DEG / 2.0) % TURN_DEG - TURN_DEG / 2.0
@@ -100,13 +100,13 @@ def _in_the_way(
         return Problem(code="machine.nothing_clamped_known", key=axis) if toward_chuck else None
     in_part = tool_in_part(snapshot, machine, alignment)
     if axis is AxisName.CARRIAGE and distance > 0.0 and not in_part:
-        in_part = tool_in_part(_moved(snapshot, machine, distance), machine, alignment)
+        in_part = tool_in_part(_move_carriage(snapshot, machine, distance), machine, alignment)
     if in_part is False:
         return None
     return Problem(code="machine.tool_in_the_way", key=axis, limit=f"{least_gap_mm(alignment):g} mm")
 
 
-def _moved(snapshot: Snapshot, machine: MachineProfile, distance_mm: float) -> Snapshot:
+def _move_carriage(snapshot: Snapshot, machine: MachineProfile, distance_mm: float) -> Snapshot:
     """Return the state of the machine with its carriage at the end of a jog."""
     carriage = snapshot.carriage
     position = carriage.position + distance_mm * machine.carriage.counts_per_mm

@@ -26,10 +26,10 @@ from console.session.station.progress import CutStage
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from drivers.clock import FROZEN_S, OLD_S, boot_s
 from drivers.errors import LinkError
+from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.guards import reset_problem, unasked_opening
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import REAL_TIME_PERCENT, Snapshot
-from drivers.lathe.standing import Standing
 from drivers.lathe.stop import way_problems
 from drivers.pmac.heartbeat.arming import lost_problem
 from profiles.problem import Problem, ProblemError
@@ -69,7 +69,7 @@ def watch_armed(context: StationContext, snapshot: Snapshot) -> None:
 def age_problem(command: commands.Command, posted_s: float) -> Problem | None:
     """Return why a command of a time of `boot_s` is too old to be carried out, None if it may be."""
     age_s = boot_s() - posted_s
-    return None if age_s <= OLD_S or isinstance(command, AT_ANY_AGE) else _frozen(age_s)
+    return None if age_s <= OLD_S or isinstance(command, AT_ANY_AGE) else _frozen_problem(age_s)
 
 
 class PollPause:
@@ -77,39 +77,39 @@ class PollPause:
 
     def __init__(self, context: StationContext) -> None:
         self._context = context
-        self._polled = self._now()
+        self._polled = self._read_clocks()
 
     def end(self, froze_s: float = 0.0) -> None:
         """Note the end of a command, which polls as it needs; disarm if this process was frozen within it."""
-        self._polled = self._now()
+        self._polled = self._read_clocks()
         self._judge(froze_s)
 
     def see(self) -> None:
         """Note a poll; after a pause disarm."""
         pause_s = self._pause_s()
-        self._polled = self._now()
+        self._polled = self._read_clocks()
         self._judge(pause_s)
 
     def _judge(self, pause_s: float) -> None:
         if pause_s > FROZEN_S and self._context.state.armed is not None:
-            self._context.tell(armed=None, refusals=(_frozen(pause_s),))
+            self._context.tell(armed=None, refusals=(_frozen_problem(pause_s),))
 
     def problem(self) -> Problem | None:
         """Return why an order that has no date is not obeyed; None if there was no pause just now."""
         freezes = self._context.lathe.stop.freezes
         pause_s = 0.0 if freezes is None else freezes.woke_from_s(AWAKE_S)
-        return _frozen(pause_s) if pause_s else None
+        return _frozen_problem(pause_s) if pause_s else None
 
     def _pause_s(self) -> float:
         """Return the time since the last poll, less that of a paused lathe, plus that of a suspended computer."""
-        screen, machine, asleep = (now - at for now, at in zip(self._now(), self._polled, strict=True))
+        screen, machine, asleep = (now - at for now, at in zip(self._read_clocks(), self._polled, strict=True))
         return min(screen, machine) + asleep
 
-    def _now(self) -> tuple[float, float, float]:
+    def _read_clocks(self) -> tuple[float, float, float]:
         return self._context.screen_s(), self._context.clock.now_s(), boot_s() - time.monotonic()
 
 
-def _frozen(pause_s: float) -> Problem:
+def _frozen_problem(pause_s: float) -> Problem:
     return Problem(code="session.frozen", value=f"{pause_s:.1f} s")
 
 
@@ -125,8 +125,10 @@ def watch_poll(context: StationContext, before: StationState, snapshot: Snapshot
     _watch_home(context, before, snapshot)
     _watch_loops(context, before, snapshot)
     _watch_devices(context, before.snapshot, snapshot)
-    if context.lathe.unguarded is not None:  # something moves, and the controller's watchdog no longer guards it
-        context.alarm_once(context.lathe.unguarded)
+    if (
+        context.lathe.find_guard_problem is not None
+    ):  # something moves, and the controller's watchdog no longer guards it
+        context.alarm_once(context.lathe.find_guard_problem)
     _watch_stop_way(context)
 
 
@@ -189,7 +191,7 @@ def _watch_stop_way(context: StationContext) -> None:
 
 def watch_axes(context: StationContext, snapshot: Snapshot) -> None:
     """Report who controls the machine, and axis faults not reported elsewhere."""
-    if context.state.standing is Standing.OUSTED:  # the alignment made here is no longer known
+    if context.state.standing is ConsoleRole.OUSTED:  # the alignment made here is no longer known
         why = HANDED_OVER if snapshot.owner else NOT_KEPT
         context.tell(alignment=handed_over(context.state.alignment, context.local_time(), why))
         _tell_ousted(context, snapshot)
@@ -207,9 +209,9 @@ def _tell_ousted(context: StationContext, snapshot: Snapshot) -> None:
     code = OUSTED
     if not snapshot.owner:
         code = NOBODYS[0] if not snapshot.homed_axes and snapshot.loops_open else NOBODYS[1]
-        if any(context.alarmed(each) for each in NOBODYS):
+        if any(context.has_alarm(each) for each in NOBODYS):
             return
-    if not context.alarmed(code):
+    if not context.has_alarm(code):
         context.end_alarms(OUSTED, *NOBODYS)
         context.tell(armed=None)
         context.alarm(Problem(code=code, value=str(snapshot.owner) if snapshot.owner else ""))
@@ -219,7 +221,7 @@ def watch_loss(context: StationContext, snapshot: Snapshot) -> None:
     """Report once what the controller has ended after losing its host; after a stop, settling the stop does."""
     if not snapshot.lost:
         context.end_alarms("heartbeat.lost")
-    elif not context.alarmed("heartbeat.lost"):
+    elif not context.has_alarm("heartbeat.lost"):
         context.alarm(lost_problem(snapshot.lost))
 
 

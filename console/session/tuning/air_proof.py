@@ -26,7 +26,7 @@ LEAST_SWING_UM = 0.5  # what the noise of a scale makes of a tool that stands
 LEAST_COHERENCE = 0.95
 
 
-def unproven(
+def find_missing_proofs(
     data: Path, machine: MachineProfile, gains: Mapping[str, float], loop: SampledLoop, *, simulated: bool
 ) -> tuple[Problem, ...]:
     """Return why gains are not proven in air; nothing where they are. `loop` has them, and the known axis."""

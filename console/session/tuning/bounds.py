@@ -22,7 +22,7 @@ from profiles.axis.margins import (
     LoopMargins,
     loop_margins,
 )
-from profiles.axis.notch import MOST, Reading, is_coefficient
+from profiles.axis.notch import MOST, SignConvention, is_coefficient
 from profiles.axis.notch_design import fails_otherwise
 from profiles.axis.sampled_loop import SampledLoop
 from profiles.axis.servo_gains import PidGains, gains_from_variables, is_filter, with_variables
@@ -46,11 +46,11 @@ def bound_problems(
 
     Raises ProfileError: the profile lacks a gain.
     """
-    if read.unmodelled:
-        return (Problem(code="trial.unmodelled", key=", ".join(read.unmodelled)),)
-    if beyond := tuple(_beyond(settings)):
+    if read.unmodelled_settings:
+        return (Problem(code="trial.unmodelled", key=", ".join(read.unmodelled_settings)),)
+    if beyond := tuple(_find_values_out_of_range(settings)):
         return beyond
-    here = read.on(machine)
+    here = read.apply_to(machine)
     tuned = replace(known.loop, gains=gains_from_variables(with_variables(here, settings)))
     stated = replace(known.loop, gains=gains_from_variables(machine))
     hidden = () if softer(stated, tuned.gains) else hidden_problems(here, known, tuned)
@@ -66,8 +66,8 @@ def filter_problems(
 
     Raises ProfileError: the profile lacks a gain.
     """
-    gains = gains_from_variables(with_variables(read.on(machine), settings))
-    if not gains.notch or known.reading is Reading.STATED:
+    gains = gains_from_variables(with_variables(read.apply_to(machine), settings))
+    if not gains.notch or known.reading is SignConvention.STATED:
         return ()
     if gains.notch == known.loop.gains.notch and softer(known.loop, gains):
         return ()
@@ -75,13 +75,13 @@ def filter_problems(
         names = misread(known.reading, machine.tool.motor)
         return (Problem(code="trial.other_reading", value=names),)
     if known.fit is None:
-        return (unmeasured(known),)
+        return (unmeasured_problem(known),)
     if fails_otherwise(known.loop, gains, (known.fit.plant, *known.fit.others)) is None:
         return ()
     return (Problem(code="trial.notch_unsafe", value=", ".join(name for name in settings if is_filter(name))),)
 
 
-def _beyond(settings: Mapping[str, float]) -> Iterator[Problem]:
+def _find_values_out_of_range(settings: Mapping[str, float]) -> Iterator[Problem]:
     """Yield the first setting that is no value of its variable."""
     for name, value in settings.items():
         if is_filter(name):
@@ -100,7 +100,7 @@ def margins_with(
 ) -> LoopMargins:
     """Return the margins of the loop that was read with other gains; ProfileError: the profile lacks a gain."""
     return loop_margins(
-        replace(known.loop, gains=gains_from_variables(with_variables(read.on(machine), settings)))
+        replace(known.loop, gains=gains_from_variables(with_variables(read.apply_to(machine), settings)))
     )
 
 
@@ -116,7 +116,7 @@ def unseen_problems(here: MachineProfile, known: KnownLoop, gains: PidGains) -> 
     """Return why gains may meet a flexible mode that nothing has shown, whatever the present ones are."""
     fit = known.fit
     if fit is None or not fit.holds:
-        return (unmeasured(known),)
+        return (unmeasured_problem(known),)
     hz = unseen_hz(known.loop, gains, fit)
     if hz is None:
         return ()
@@ -131,7 +131,7 @@ def swept_to_the_end(here: MachineProfile, known: KnownLoop) -> bool:
     return known.fit is not None and float(known.fit.hz.max()) >= REACHED * most_hz(here)
 
 
-def unmeasured(known: KnownLoop) -> Problem:
+def unmeasured_problem(known: KnownLoop) -> Problem:
     """Return that no response tells what the axis is, or that none of its models is what was measured."""
     fit = known.fit
     if fit is None:

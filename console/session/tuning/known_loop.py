@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from console.session.data.identified import responses_of
+from console.session.data.identified_responses import responses_of
 from console.session.tuning.notch_evidence import NO_FIRMWARE, seen_reading
 from drivers.identification.result import IdentifiedResponse, unfit_problems
-from profiles.axis.notch import Reading
+from profiles.axis.notch import SignConvention
 from profiles.axis.plant_fit import LoopPoint, PlantFit, fitted_plant
 from profiles.axis.sampled_loop import SampledLoop, loop_of
 from profiles.axis.servo_gains import complete_settings, gains_from_variables, with_variables
@@ -35,7 +35,7 @@ class KnownLoop:
     loop: SampledLoop
     fit: PlantFit | None = None
     date: str = ""
-    reading: Reading | None = None
+    reading: SignConvention | None = None
     unfiltered: bool = False
 
 
@@ -70,7 +70,7 @@ def known_loop(
     reading = None
     if unfiltered is not None:  # an axis fitted with a filter may take another reading of it for its own
         reading = seen_reading(here, data, fit.plant, firmware, simulated=simulated)
-    if filtered and plain and reading is Reading.STATED:
+    if filtered and plain and reading is SignConvention.STATED:
         fit = fitted_plant(loop, plain + filtered) or fit
     return KnownLoop(
         loop=replace(loop, plant=fit.plant), fit=fit, date=date, reading=reading, unfiltered=unfiltered is not None

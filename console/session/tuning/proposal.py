@@ -9,19 +9,19 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from console.session.tuning.air_proof import unproven
+from console.session.tuning.air_proof import find_missing_proofs
 from console.session.tuning.bounds import (
     hidden_problems,
     margin_problems,
     swept_to_the_end,
-    unmeasured,
+    unmeasured_problem,
     unseen_problems,
 )
 from console.session.tuning.known_loop import KnownLoop, known_loop
 from console.session.tuning.notch_evidence import NO_FIRMWARE, misread
 from drivers.identification.tool_gains import ToolLoop
 from profiles.axis.loop_design import GainProposal, designed_gains, unseen_hz
-from profiles.axis.notch import Reading
+from profiles.axis.notch import SignConvention
 from profiles.axis.notch_design import design_with_notch
 from profiles.axis.servo_gains import PidGains, error_limit_um
 from profiles.axis.stiffness import LobeStiffness, lobe_stiffness, tripping_friction_n
@@ -72,23 +72,25 @@ def gain_facts(
     lobe_hz: float = LOBE_HZ,
 ) -> GainFacts:
     """Return the proposal for the loop that was read; ProfileError where the profile lacks a gain."""
-    here = machine if read is None else read.on(machine)
+    here = machine if read is None else read.apply_to(machine)
     known = known_loop(here, data, firmware, simulated=simulated)
-    facts = with_figures(machine, _designed(here, known, lobe_hz), lobe_hz)
+    facts = with_figures(machine, _design_gains(here, known, lobe_hz), lobe_hz)
     found, stiffness = facts.proposal, facts.stiffness
     if found is None or stiffness is None or stiffness[1].most_um_per_n <= stiffness[0].most_um_per_n:
         return facts
-    if any(margin_problems(found.before)) or unproven(data, here, found.present, known.loop, simulated=simulated):
+    if any(margin_problems(found.before)) or find_missing_proofs(
+        data, here, found.present, known.loop, simulated=simulated
+    ):
         return facts
     value, limit = (f"{each.most_um_per_n:.2f} um/N" for each in stiffness)
     reasons = (Problem(code="trial.stiff_already", value=value, limit=limit),)
     return GainFacts(proposal=None, known=known, reasons=reasons, friction_n=facts.friction_n)
 
 
-def _designed(here: MachineProfile, known: KnownLoop, lobe_hz: float) -> GainFacts:
+def _design_gains(here: MachineProfile, known: KnownLoop, lobe_hz: float) -> GainFacts:
     fit = known.fit
     if fit is None or not fit.holds:
-        return GainFacts(proposal=None, known=known, reasons=(unmeasured(known),))
+        return GainFacts(proposal=None, known=known, reasons=(unmeasured_problem(known),))
     alone = designed_gains(here, known.loop, fit, lobe_hz)
     proposal, notes = _with_filter(here, known, lobe_hz, alone)
     if proposal is None:
@@ -115,9 +117,9 @@ def _with_filter(
     fit, reading = known.fit, known.reading
     if fit is None or not fit.plant.modes:
         return alone, ()
-    if reading not in (None, Reading.STATED):
+    if reading not in (None, SignConvention.STATED):
         return alone, (Problem(code="trial.other_reading", value=misread(reading, here.tool.motor)),)
-    proven, passed_over = reading is Reading.STATED, list[PidGains]()
+    proven, passed_over = reading is SignConvention.STATED, list[PidGains]()
 
     def allowed(gains: PidGains) -> bool:
         if unseen_hz(known.loop, gains, fit) is None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from console.session.data.kept_files import folder_name, keep, kept, numbered_files, utc_now
+from console.session.data.kept_files import folder_name, keep, numbered_files, read_kept_values, utc_now
 from console.session.operator import operator_name
 from drivers.link.address import without_options
 from profiles.axis.notch import is_coefficient
@@ -64,7 +64,7 @@ class TrialRecord:
         before, proposed = ({name: each.get(name, 0.0) for name in names} for each in (self.before, self.proposed))
         return replace(self, before=before, proposed=proposed)
 
-    def then(self, what: str, found: Mapping[str, float], *, over: bool = False) -> TrialRecord:
+    def add_event(self, what: str, found: Mapping[str, float], *, over: bool = False) -> TrialRecord:
         """Return the record with one more event, and closed where the trial is over."""
         event = TrialEvent(date=utc_now(), what=what, by=operator_name(), found=dict(found))
         return replace(self, events=(*self.events, event), open=self.open and not over)
@@ -128,7 +128,7 @@ def open_trial(data: Path, machine: str, address: str, *, simulated: bool) -> tu
 
 def read(file: Path) -> TrialRecord:
     """Read one file. Raises ProfileError: `trial.file`, `schema.unsupported`, `file.unreadable`."""
-    table, where = kept(file, "trial.file"), printable(str(file))
+    table, where = read_kept_values(file, "trial.file"), printable(str(file))
     return read_own(TrialRecord, table, schema=SCHEMA, code="trial.file", where=where, judge=_judge)
 
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from console.session.data.identified import FOLDER
+from console.session.data.identified_responses import FOLDER
 from console.session.data.kept_files import folder_name
 from console.session.tuning.air_proof import doubts, newest_test
-from console.session.tuning.bounds import FAST_SWEEP, SLOW_SWEEP, unmeasured
+from console.session.tuning.bounds import FAST_SWEEP, SLOW_SWEEP, unmeasured_problem
 from console.session.tuning.known_loop import known_loop
-from console.session.tuning.notch_evidence import NO_FIRMWARE, unexplained
+from console.session.tuning.notch_evidence import NO_FIRMWARE, format_residual
 from drivers.identification.health import HealthResult
 from drivers.identification.tool_gains import names_of
 from profiles.axis.sampled_loop import loop_of
@@ -23,7 +23,7 @@ from profiles.files import printable
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
-_judged: dict[tuple[object, ...], tuple[Problem, ...]] = {}
+_roundness_exit_code: dict[tuple[object, ...], tuple[Problem, ...]] = {}
 """What was found of each test since the program started: after a new test or response the axis is fitted again."""
 
 
@@ -43,9 +43,9 @@ def stated_filter_problems(
             return (Problem(code="trial.filter_untested", key=machine.name),)
         responses = tuple(sorted(each.name for each in (data / FOLDER / folder_name(machine.name)).glob("*.json")))
         question = repr(machine), str(kept.file), responses, firmware, simulated
-        if question not in _judged:
-            _judged[question] = _doubts(machine, data, firmware, kept.result, simulated=simulated)
-        return _judged[question]
+        if question not in _roundness_exit_code:
+            _roundness_exit_code[question] = _doubts(machine, data, firmware, kept.result, simulated=simulated)
+        return _roundness_exit_code[question]
     except ProfileError as error:
         return tuple(error.problems)
 
@@ -60,10 +60,10 @@ def _doubts(
             return judged
         # By an axis that its responses do not show a test says nothing: only other responses help, or no filter.
         folder = printable(str(data / FOLDER / folder_name(machine.name)))
-        return (replace(unmeasured(known), code="trial.filter_misfit", key=folder),)
+        return (replace(unmeasured_problem(known), code="trial.filter_misfit", key=folder),)
     # An axis fitted to responses with the filter would explain a test with it however it is read.
     loop = loop_of(machine)
     if not doubts(test, loop, machine.tool.motor):
         return ()
-    value = unexplained(test, loop)
+    value = format_residual(test, loop)
     return (Problem(code="trial.filter_axis", key=SLOW_SWEEP, value=value, limit=FAST_SWEEP),)

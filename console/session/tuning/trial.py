@@ -13,12 +13,12 @@ from pathlib import Path
 
 from console.session.errors import SessionError, refuse
 from console.session.tuning import record as records
-from console.session.tuning.air_proof import unproven
+from console.session.tuning.air_proof import find_missing_proofs
 from console.session.tuning.bounds import bound_problems, filter_problems, margins_with
-from console.session.tuning.ended import ended_by
 from console.session.tuning.known_loop import KnownLoop, known_loop
 from console.session.tuning.record import TrialRecord, open_trial, plant_of, values_of
-from console.session.tuning.standing import Gains, StandingTrial, listed, stands_problem
+from console.session.tuning.standing_trial import Gains, StandingTrial, format_gains, stands_problem
+from console.session.tuning.trial_end import ended_by
 from drivers.commissioning.gains import refuse_unready
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.identification.tool_gains import ToolGains, ToolLoop, matches
@@ -79,7 +79,7 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
         return replace(standing, problems=doubts) if standing.whole else standing
     if ended:
         if settle:
-            records.write_again(file, trial.then(ended, found, over=True))
+            records.write_again(file, trial.add_event(ended, found, over=True))
         return None
     return _standing(place, trial, found)
 
@@ -87,7 +87,7 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
 def air_doubts(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float]) -> tuple[Problem, ...]:
     """Return why the gains that stand are not proven in air, on the axis that they were bounded by."""
     loop = loop_of(with_variables(place.machine, found), plant_of(trial.axis))
-    return unproven(place.data, place.machine, found, loop, simulated=place.simulated)
+    return find_missing_proofs(place.data, place.machine, found, loop, simulated=place.simulated)
 
 
 def _standing(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float]) -> StandingTrial:
@@ -97,7 +97,7 @@ def _standing(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float])
     if whole:
         read = place.gains.loop("")
         # The axis that it was bounded by: to fit it anew takes longer than the link thread may.
-        known = KnownLoop(loop=loop_of(read.on(place.machine), plant_of(trial.axis)))
+        known = KnownLoop(loop=loop_of(read.apply_to(place.machine), plant_of(trial.axis)))
         if bounds := bound_problems(place.machine, read, trial.proposed, known):
             whole, problems = False, (*bounds, stands_problem(before, proposed, now))
     began = trial.events[0] if trial.events else None
@@ -113,7 +113,9 @@ def _standing(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float])
 
 
 def _active(trial: TrialRecord) -> Problem:
-    return Problem(code="trial.active", value=listed(_pairs(trial.proposed)), limit=listed(_pairs(trial.before)))
+    return Problem(
+        code="trial.active", value=format_gains(_pairs(trial.proposed)), limit=format_gains(_pairs(trial.before))
+    )
 
 
 def apply_trial(place: TrialPlace, settings: Mapping[str, float], shown: Mapping[str, float]) -> None:
@@ -130,15 +132,15 @@ def apply_trial(place: TrialPlace, settings: Mapping[str, float], shown: Mapping
     refuse_unready(place.client, place.client.dialect)
     read, found = place.gains.loop(""), place.gains.read()
     if not matches(found, shown):
-        present, before = listed(_pairs(found)), listed(_pairs(shown))
+        present, before = format_gains(_pairs(found)), format_gains(_pairs(shown))
         raise SessionError(Problem(code="trial.changed_meanwhile", value=present, limit=before))
     if tuple(settings) != place.gains.names:
         value, limit = ", ".join(settings), ", ".join(place.gains.names)
         raise SessionError(Problem(code="trial.range", key="Ix30..Ix39", value=value, limit=limit))
-    known = known_loop(read.on(place.machine), place.data, place.firmware, simulated=place.simulated)
+    known = known_loop(read.apply_to(place.machine), place.data, place.firmware, simulated=place.simulated)
     refuse(bound_problems(place.machine, read, settings, known))
     refuse(filter_problems(place.machine, read, settings, known))
-    file, trial = _begun(place, read, found, settings, known)
+    file, trial = _begin_trial(place, read, found, settings, known)
     _write(place, file, trial, settings, records.APPLIED)
 
 
@@ -149,12 +151,12 @@ def revert_trial(place: TrialPlace) -> None:
         raise SessionError(Problem(code="trial.none", key=place.machine.name))
     refuse_unready(place.client, place.client.dialect)
     file, trial = kept
-    trial = trial.then(records.REVERTING, place.gains.read())
+    trial = trial.add_event(records.REVERTING, place.gains.read())
     records.write_again(file, trial)
     _write(place, file, trial, trial.before, records.REVERTED)
 
 
-def _begun(
+def _begin_trial(
     place: TrialPlace, read: ToolLoop, found: Mapping[str, float], settings: Mapping[str, float], known: KnownLoop
 ) -> tuple[Path, TrialRecord]:
     """Keep what stands now, before anything is written."""
@@ -179,7 +181,7 @@ def _begun(
         },
         open=True,
         events=() if kept is None else kept[1].events,
-    ).then(records.BEGUN, found)
+    ).add_event(records.BEGUN, found)
     if kept is not None:
         records.write_again(kept[0], trial)
         return kept[0], trial
@@ -193,15 +195,15 @@ def _write(place: TrialPlace, file: Path, trial: TrialRecord, values: Mapping[st
         place.gains.write(values)
     except LinkError:
         with suppress(ProfileError):  # both sets are on disk already, and what stands will be read
-            records.write_again(file, trial.then(records.ENDED_EARLY, {}))
+            records.write_again(file, trial.add_event(records.ENDED_EARLY, {}))
         raise
     except (DriverError, RefusedError) as error:
         found = place.gains.read()
         with suppress(ProfileError):
-            records.write_again(file, trial.then(records.ENDED_EARLY, found))
+            records.write_again(file, trial.add_event(records.ENDED_EARLY, found))
         stands = stands_problem(_pairs(trial.before), _pairs(trial.proposed), _pairs(found))
         raise SessionError(*error.problems, stands) from error
-    records.write_again(file, trial.then(done, values, over=done == records.REVERTED))
+    records.write_again(file, trial.add_event(done, values, over=done == records.REVERTED))
 
 
 def _pairs(gains: Mapping[str, float]) -> Gains:

@@ -11,7 +11,7 @@ from console.cli.parser import Parser
 from console.session.data.kept_files import file_error
 from console.text.catalogue import Catalogue
 from profiles.files import printable, write_atomically
-from profiles.problem import refused
+from profiles.problem import refusal_error
 
 PLACES = (Path(console.__file__).parent / "deploy", Path(console.__file__).parents[1] / "docs" / "deploy")
 """In a wheel, and in a checkout."""
@@ -29,7 +29,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     made = {options.folder / each.relative_to(source): each for each in found}
     try:
         if there := [target for target in made if target.exists()]:
-            raise refused("file.exists", key="FOLDER", where=printable(str(there[0])))
+            raise refusal_error("file.exists", key="FOLDER", where=printable(str(there[0])))
         for target, each in made.items():
             target.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(target, each.read_bytes(), overwrite=False)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from console.cli.arguments import number, within
+from console.cli.arguments import number, number_parser_within
 from console.cli.library import data_of, profile_of
 from console.cli.output import tell
 from console.cli.parser import Parser
@@ -21,7 +21,7 @@ from drivers.simulator.hosts.control_address import is_loopback
 if TYPE_CHECKING:
     from console.session.feed.feed_state import FeedState
     from console.session.feed.following import Follower
-    from console.site.exchange.mtconnect import Published
+    from console.site.exchange.mtconnect import PublishedState
 
 DEFAULT_HZ = 5.0
 WAIT_S = 0.5  # for something new; a console that was killed is noticed at once
@@ -29,7 +29,7 @@ WAIT_S = 0.5  # for something new; a console that was killed is noticed at once
 
 def add_rate(parser: Parser, text: Catalogue) -> None:
     """Add how often the state is read."""
-    rate = within(number, LEAST_HZ, MOST_HZ, "usage.watch_rate", f"{LEAST_HZ:g} - {MOST_HZ:g}")
+    rate = number_parser_within(number, LEAST_HZ, MOST_HZ, "usage.watch_rate", f"{LEAST_HZ:g} - {MOST_HZ:g}")
     rate_help = text("help.exchange_rate", default=f"{DEFAULT_HZ:g}")
     parser.add_argument("--rate", metavar="HZ", type=rate, default=DEFAULT_HZ, help=rate_help)
 
@@ -46,7 +46,7 @@ def warn_open(host: str, bound: str, text: Catalogue) -> None:
 
 
 @contextmanager
-def followed(machine: str, options: Namespace, text: Catalogue) -> Iterator[Follower]:
+def follow_machine(machine: str, options: Namespace, text: Catalogue) -> Iterator[Follower]:
     """Yield who follows the consoles of the machine; what is wrong with one is a warning."""
     from console.session.feed.following import Follower
 
@@ -64,12 +64,12 @@ def followed(machine: str, options: Namespace, text: Catalogue) -> Iterator[Foll
 
 def changes_of(
     follower: Follower, machine: str, options: Namespace, text: Catalogue
-) -> Iterator[tuple[Published, FeedState | None]]:
+) -> Iterator[tuple[PublishedState, FeedState | None]]:
     """Yield what is to be published, with its state, again and again; say when consoles come and are gone."""
     from console.session.data.kept_files import utc_now
-    from console.site.exchange.mtconnect import published
+    from console.site.exchange.mtconnect import publish_state
 
-    shown, last = published(None, utc_now()), None
+    shown, last = publish_state(None, utc_now()), None
     yield shown, None
     while True:
         heard = follower.wait(WAIT_S)
@@ -77,7 +77,7 @@ def changes_of(
             continue
         before, last = shown, heard
         # Without a state the last console has gone.
-        shown = published(None, utc_now()) if heard is None else published(heard.state, "")
+        shown = publish_state(None, utc_now()) if heard is None else publish_state(heard.state, "")
         if (shown.conditions is None) != (before.conditions is None):
             _say(shown, machine, options, text)
         yield shown, None if heard is None else heard.state
@@ -90,7 +90,7 @@ def log(options: Namespace, text: str) -> None:
     note(data_of(options), f"{options.command}  {text}")
 
 
-def _say(shown: Published, machine: str, options: Namespace, text: Catalogue) -> None:
+def _say(shown: PublishedState, machine: str, options: Namespace, text: Catalogue) -> None:
     running = shown.conditions is not None
     log(options, f"{machine}: {'a console publishes' if running else 'no console publishes'}")
     if options.json:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from console.cli.library import data_of, judged_of
 from console.cli.output import fields_of, show
-from console.site.versioning.status import Change, CloneStatus, How, clone_status
+from console.site.versioning.status import CloneStatus, FileChange, FileChangeKind, clone_status
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.files import printable
@@ -62,10 +62,10 @@ def _machine(options: Namespace) -> MachineProfile | ProfileError:
         return error
 
 
-def _problems(change: Change, data: Path, machine: MachineProfile | ProfileError) -> tuple[Problem, ...]:
+def _problems(change: FileChange, data: Path, machine: MachineProfile | ProfileError) -> tuple[Problem, ...]:
     """Return why a changed machine cannot be used, or a changed job, on this machine; nothing of another file."""
     path = Path(change.path)
-    if len(path.parts) != 2 or path.suffix != ".toml" or change.how is How.DELETED:
+    if len(path.parts) != 2 or path.suffix != ".toml" or change.how is FileChangeKind.DELETED:
         return ()
     entry = LibraryEntry(name=path.stem, path=data / path, bundled=False)
     try:
@@ -95,7 +95,7 @@ def _head(status: CloneStatus, text: Catalogue) -> list[str]:
 
 
 def _lines(
-    judged: list[tuple[Change, tuple[Problem, ...]]], machine: MachineProfile | ProfileError, text: Catalogue
+    judged: list[tuple[FileChange, tuple[Problem, ...]]], machine: MachineProfile | ProfileError, text: Catalogue
 ) -> list[str]:
     if not judged:
         return [text("jobs.nothing_differs")]

@@ -44,15 +44,15 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Answer each request with the newest states, until the user ends it; LinkError `link.cannot_listen`."""
-    from console.session.feed.following import Follower, Heard
+    from console.session.feed.following import Follower, ReceivedState
 
-    heard: list[Heard] = []
+    heard: list[ReceivedState] = []
     hosts = {name.lower() for name in (options.listen.host, *options.host)}
     if not is_loopback(options.listen.host):
         hosts |= {socket.gethostname().lower(), socket.getfqdn().lower(), NUMBERS}
 
     def answer(head: bytes) -> bytes:
-        return response(head, hosts, [each.aged(time.monotonic()) for each in heard], text)
+        return response(head, hosts, [each.age_state(time.monotonic()) for each in heard], text)
 
     server = _server(options.listen, answer)
     follower = Follower(data_of(options), LEAST_HZ, lambda _: True, lambda problem: tell([problem], text))
@@ -63,7 +63,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         print(text("metrics.listening", address=f"http://{bound}{PATH}"), flush=True)
         while True:
             follower.wait(WAIT_S)
-            heard = follower.heard()
+            heard = follower.newest_states()
     except KeyboardInterrupt:  # the usual way to end it
         return 0
     finally:

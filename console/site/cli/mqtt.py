@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from console.cli.arguments import add_shared, host_port
 from console.cli.library import data_of
 from console.cli.parser import Parser
-from console.site.cli.followed_machine import add_rate, changes_of, followed, log, machine_name
+from console.site.cli.followed_machine import add_rate, changes_of, follow_machine, log, machine_name
 from console.text.catalogue import Catalogue
 from drivers.simulator.hosts.control_address import is_loopback
 
@@ -50,10 +50,10 @@ def main(options: Namespace, text: Catalogue) -> int:
         print(f"console: {text('warning')}: {text('mqtt.in_the_clear')}", file=sys.stderr)
     machine = machine_name(options)
     topic = topic_of(options.topic, device_name(machine, bool(options.sim)))
-    publisher = Publisher(broker, topic, _Told(broker, topic, options, text))
+    publisher = Publisher(broker, topic, _ConnectionReporter(broker, topic, options, text))
     try:
         publisher.start()
-        with followed(machine, options, text) as follower:
+        with follow_machine(machine, options, text) as follower:
             for published, state in changes_of(follower, machine, options, text):
                 publisher.show(published, state)
     except KeyboardInterrupt:  # the usual way to end it
@@ -63,7 +63,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     return 0
 
 
-class _Told:
+class _ConnectionReporter:
     """Says when the connection comes and goes; of tries that fail for one reason only the first."""
 
     def __init__(self, broker: Broker, topic: str, options: Namespace, text: Catalogue) -> None:

@@ -12,7 +12,7 @@ from console.cli.library import data_of
 from console.cli.output import print_json
 from console.cli.parser import Parser
 from console.session.data.kept_files import make_folder
-from console.site.cli.followed_machine import add_rate, changes_of, followed, machine_name, warn_open
+from console.site.cli.followed_machine import add_rate, changes_of, follow_machine, machine_name, warn_open
 from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 
 def _serve(adapter: Adapter, machine: str, options: Namespace, text: Catalogue) -> None:
-    with followed(machine, options, text) as follower:
+    with follow_machine(machine, options, text) as follower:
         for published, _ in changes_of(follower, machine, options, text):
             adapter.show(published)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 
-from console.cli.arguments import number, within
+from console.cli.arguments import number, number_parser_within
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
@@ -18,7 +18,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     how.add_argument("--once", action="store_true", help=text("help.ship.once"))
     how.add_argument("--migrate", action="store_true", help=text("help.ship.migrate"))
     how.add_argument("--again", action="store_true", help=text("help.ship.again"))
-    every = within(number, LEAST_S, MOST_S, "usage.ship_every", f"{LEAST_S:g} - {MOST_S:g}")
+    every = number_parser_within(number, LEAST_S, MOST_S, "usage.ship_every", f"{LEAST_S:g} - {MOST_S:g}")
     parser.add_argument("--every", metavar="S", type=every, default=PERIOD_S, help=text("help.ship.every"))
 
 

@@ -15,7 +15,7 @@ from console.cli.output import show
 from console.session.extras import require_extra
 from console.site.shop.following import follow
 from console.site.shop.schema import migrate
-from console.site.shop.shipping import Sent, ship
+from console.site.shop.shipping import SentRows, ship
 from console.text.catalogue import Catalogue
 from profiles.files import printable
 from profiles.problem import Problem
@@ -72,11 +72,11 @@ def _slow(text: Catalogue) -> Timer:
     return slow
 
 
-def _progress(text: Catalogue, slow: Timer) -> Callable[[Sent], None]:
+def _progress(text: Catalogue, slow: Timer) -> Callable[[SentRows], None]:
     """Return what says on stderr, now and then, how much of a backlog is left."""
     said_s = time.monotonic()
 
-    def tell(sent: Sent) -> None:
+    def tell(sent: SentRows) -> None:
         nonlocal said_s
         slow.cancel()
         if sent.left and time.monotonic() - said_s >= SAID_EACH_S:
@@ -86,7 +86,7 @@ def _progress(text: Catalogue, slow: Timer) -> Callable[[Sent], None]:
     return tell
 
 
-def sent_fields(sent: Sent) -> dict[str, object]:
+def sent_fields(sent: SentRows) -> dict[str, object]:
     """Return what was sent, for JSON."""
     return {
         "lathe": sent.lathe.lathe_id,
@@ -98,7 +98,7 @@ def sent_fields(sent: Sent) -> dict[str, object]:
     }
 
 
-def _sent_line(sent: Sent, text: Catalogue) -> str:
+def _sent_line(sent: SentRows, text: Catalogue) -> str:
     name = printable(sent.lathe.name)
     if sent.left is None:
         return text("ship.nothing_recorded", name=name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from argparse import Namespace
 
-from console.cli.arguments import whole_number, within
+from console.cli.arguments import number_parser_within, whole_number
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
@@ -17,7 +17,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("file", metavar="FILE.toml", help=text("help.study.file"))
     parser.add_argument("--out", metavar="FOLDER", help=text("help.study.out"))
     who = parser.add_mutually_exclusive_group()
-    workers = within(whole_number, 1, MOST_WORKERS, "usage.study_workers", MOST_WORKERS)
+    workers = number_parser_within(whole_number, 1, MOST_WORKERS, "usage.study_workers", MOST_WORKERS)
     who.add_argument("--workers", metavar="N", type=workers, help=text("help.study.workers"))
     who.add_argument("--scheduler", metavar="ADDRESS", help=text("help.study.scheduler"))
     parser.add_argument("--parquet", action="store_true", help=text("help.study.parquet"))

@@ -16,10 +16,10 @@ from console.cli.output import show
 from console.session.extras import require_extra
 from console.site.study.cells import MADE, Row, cells, read_study
 from console.site.study.results import write_parquet, write_table
-from console.site.study.running import Progress, carry_out
+from console.site.study.running import StudyProgress, carry_out
 from console.site.study.workers import Workers, cluster, processes
 from console.text.catalogue import Catalogue
-from console.text.columns import broken
+from console.text.columns import wrap_text
 from profiles.files import printable
 
 SAID_EACH_S = 5.0
@@ -36,29 +36,29 @@ def study(options: Namespace, workers: int, text: Catalogue) -> int:
     path = Path(options.file)
     described = read_study(path)
     folder = path.with_name(f"{path.stem}.study") if options.out is None else Path(options.out)
-    telling = _Telling(text)
+    telling = _ProgressReporter(text)
 
     def opens() -> AbstractContextManager[Workers]:
         return processes(workers) if options.scheduler is None else cluster(options.scheduler)
 
     try:
-        rows = carry_out(cells(described, data_of(options), path.parent), folder, opens, telling.told)
+        rows = carry_out(cells(described, data_of(options), path.parent), folder, opens, telling.take_progress)
     except KeyboardInterrupt:
-        telling.interrupted(folder)
+        telling.report_interruption(folder)
         raise
     files = [write_table(folder, rows), *([write_parquet(folder, rows)] if options.parquet else [])]
     show(options, lambda: study_fields(rows, files), lambda: study_lines(rows, files, text))
     return 0
 
 
-class _Telling:
+class _ProgressReporter:
     """Progress on stderr, a line now and then."""
 
     def __init__(self, text: Catalogue) -> None:
         self._text, self._begun_s, self._said_s = text, time.monotonic(), 0.0
-        self._last: Progress | None = None
+        self._last: StudyProgress | None = None
 
-    def told(self, progress: Progress) -> None:
+    def take_progress(self, progress: StudyProgress) -> None:
         """Take notice of progress; print it if that is due."""
         self._last = progress
         now_s = time.monotonic()
@@ -69,13 +69,13 @@ class _Telling:
         print(self._line(progress, now_s - self._begun_s), file=sys.stderr)
         sys.stderr.flush()
 
-    def interrupted(self, folder: Path) -> None:
+    def report_interruption(self, folder: Path) -> None:
         """Say that nothing is lost."""
         if self._last is not None:
             facts = {"kept": self._last.kept, "cells": self._last.cells, "folder": printable(str(folder))}
             print(self._text("study.interrupted", **facts), file=sys.stderr)
 
-    def _line(self, progress: Progress, seconds: float) -> str:
+    def _line(self, progress: StudyProgress, seconds: float) -> str:
         left = progress.cells - progress.kept
         facts = {"kept": progress.kept, "cells": progress.cells, "bad": progress.bad}
         if not progress.made_now or not left:
@@ -108,12 +108,12 @@ def study_lines(rows: Sequence[Row], files: Sequence[Path], text: Catalogue) -> 
     said: list[str] = []
     for (*names, part), found in _groups(rows).items():
         group = [*names, *([] if part == NO_PART else [text("study.part", number=part)])]
-        said += broken(" · ".join(map(printable, group)), WIDTH)
-        said += (" " * INDENT + line for line in broken(_summary_line(found, text), WIDTH - INDENT))
+        said += wrap_text(" · ".join(map(printable, group)), WIDTH)
+        said += (" " * INDENT + line for line in wrap_text(_summary_line(found, text), WIDTH - INDENT))
     said.append("")
     reasons = _reasons(rows).most_common()
     for reason, count in reasons[:MOST_REASONS]:
-        said += broken(text("study.reason", count=count, reason=printable(reason, LONGEST_REASON)), WIDTH)
+        said += wrap_text(text("study.reason", count=count, reason=printable(reason, LONGEST_REASON)), WIDTH)
     if len(reasons) > MOST_REASONS:
         said.append(text("study.more_reasons", count=len(reasons) - MOST_REASONS))
     return [*said, *(text("study.written", file=printable(str(file))) for file in files)]

@@ -10,7 +10,7 @@ import asyncio
 import socket
 
 from console.session.bounded_server import BoundedServer, abandon, send
-from console.site.exchange.mtconnect import Published, shdr_lines
+from console.site.exchange.mtconnect import PublishedState, shdr_lines
 from drivers.link.address import TcpAddress
 from drivers.simulator.hosts.control_socket import listen_for_control
 
@@ -34,7 +34,7 @@ class Adapter:
     def __init__(self, host: str, port: int, heartbeat_s: float = HEARTBEAT_S, unread_s: float = UNREAD_S) -> None:
         self._address = TcpAddress(host=host, port=port)
         self._heartbeat_s, self._unread_s = heartbeat_s, unread_s
-        self._newest: Published | None = None
+        self._newest: PublishedState | None = None
         self._server = BoundedServer(
             "mtconnect",
             lambda made, opened: listen_for_control(made, self._address, opened),
@@ -48,7 +48,7 @@ class Adapter:
         """Listen; return the address that was bound, `HOST:PORT`. Raises LinkError: `link.cannot_listen`."""
         return self._server.start(self._address).partition(":tcp:")[2]
 
-    def show(self, published: Published) -> None:
+    def show(self, published: PublishedState) -> None:
         """Let every client have this moment; returns at once."""
         self._newest = published
 
@@ -61,7 +61,7 @@ class Adapter:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KEPT_BYTES)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         now_s = asyncio.get_running_loop().time
-        told: Published | None = None
+        told: PublishedState | None = None
         last_ping_s: float | None = None
         asked = asyncio.create_task(reader.readline())
         try:

@@ -28,14 +28,18 @@ def exposition(states: Sequence[FeedState]) -> str:
 
 
 def _of_machines(states: Sequence[FeedState]) -> Iterable[str]:
-    jobs = [({**_who(state), "job": state.job}, 1.0) for state in states if state.job is not None]
+    jobs = [({**_machine_labels(state), "job": state.job}, 1.0) for state in states if state.job is not None]
     yield from _lines("job_info", "The open job, as a label.", jobs)
     for name, about, words in _WORDS:
         pairs = product(states, words)
-        told = [({**_who(at), name: each}, float(getattr(at, name) == each)) for at, each in pairs]
+        told = [({**_machine_labels(at), name: each}, float(getattr(at, name) == each)) for at, each in pairs]
         yield from _lines(name, about, told)
     for name, kind, about, keys in _VALUES:
-        found = [(_who(state), float(value)) for state in states if (value := _at(state, keys)) is not None]
+        found = [
+            (_machine_labels(state), float(value))
+            for state in states
+            if (value := _value_at(state, keys)) is not None
+        ]
         yield from _lines(name, about, found, kind)
     yield from _lines("alarms", "Alarms by priority and state.", [each for at in states for each in _alarms(at)])
 
@@ -62,7 +66,7 @@ _VALUES = (
 )
 
 
-def _at(state: FeedState, keys: Sequence[str]) -> float | None:
+def _value_at(state: FeedState, keys: Sequence[str]) -> float | None:
     value: Any = state
     for key in keys:
         value = getattr(value, key, None)
@@ -73,10 +77,10 @@ def _alarms(state: FeedState) -> Iterable[Sample]:
     """Yield the count of each kind, 0 too: a series that comes and goes cannot be alerted on."""
     count = Counter((each.priority, each.state) for each in state.alarms)
     for priority, kind in product(PRIORITIES, ALARM_STATES):
-        yield {**_who(state), "priority": priority, "state": kind}, float(count[priority, kind])
+        yield {**_machine_labels(state), "priority": priority, "state": kind}, float(count[priority, kind])
 
 
-def _who(state: FeedState) -> dict[str, str]:
+def _machine_labels(state: FeedState) -> dict[str, str]:
     return {"machine": state.machine, "simulated": str(int(state.simulated))}
 
 
@@ -85,9 +89,9 @@ def _lines(name: str, about: str, samples: Sequence[Sample], kind: str = "gauge"
         return
     yield f"# HELP {PREFIX}_{name} {about}\n# TYPE {PREFIX}_{name} {kind}\n"
     for labels, value in samples:
-        named = ",".join(f'{key}="{_escaped(each)}"' for key, each in labels.items())
+        named = ",".join(f'{key}="{_escape_label(each)}"' for key, each in labels.items())
         yield f"{PREFIX}_{name}{'{' if named else ''}{named}{'}' if named else ''} {value!r}\n"
 
 
-def _escaped(value: str) -> str:
+def _escape_label(value: str) -> str:
     return value.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n")

@@ -85,7 +85,7 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Published:
+class PublishedState:
     """What is published of one moment: values by key, and the active conditions; None where they are not known."""
 
     at_utc: str
@@ -93,12 +93,12 @@ class Published:
     conditions: Mapping[str, tuple[Condition, ...]] | None
 
 
-def published(state: FeedState | None, at_utc: str) -> Published:
+def publish_state(state: FeedState | None, at_utc: str) -> PublishedState:
     """Return what is published of a state; without one everything is unavailable since `at_utc`."""
     if state is None:
-        return Published(at_utc=at_utc, values={item.key: UNAVAILABLE for item in ITEMS}, conditions=None)
+        return PublishedState(at_utc=at_utc, values={item.key: UNAVAILABLE for item in ITEMS}, conditions=None)
     values = {item.key: _value(item, state) for item in ITEMS}
-    return Published(at_utc=state.at_utc, values=values, conditions=conditions(state.alarms))
+    return PublishedState(at_utc=state.at_utc, values=values, conditions=conditions(state.alarms))
 
 
 def _value(item: DataItem, state: FeedState) -> str:
@@ -115,11 +115,11 @@ def conditions(alarms: Iterable[FeedAlarm]) -> dict[str, tuple[Condition, ...]]:
     found: dict[str, dict[str, Condition]] = {key: {} for key in TYPES}
     for alarm in (each for each in alarms if each.state != ENDED):
         kept = found[_BY_SUBJECT.get(alarm.code.partition(".")[0], "system")]
-        kept[alarm.code] = _joined(kept.get(alarm.code), alarm.code, alarm.priority, alarm.text)
+        kept[alarm.code] = _join_conditions(kept.get(alarm.code), alarm.code, alarm.priority, alarm.text)
     return {key: tuple(each.values()) for key, each in found.items()}
 
 
-def _joined(before: Condition | None, code: str, priority: str, text: str) -> Condition:
+def _join_conditions(before: Condition | None, code: str, priority: str, text: str) -> Condition:
     if before is not None:
         priority = min(before.priority, priority, key=PRIORITIES.index)
         text = before.text if text == before.text else f"{before.text} / {text}"
@@ -194,7 +194,7 @@ def _id(name: str, key: str) -> str:
     return f"d_{re.sub(r'[^A-Za-z0-9_.-]', lambda found: f'_{ord(found[0]):x}', name)}_{key}"
 
 
-def shdr_lines(now: Published, before: Published | None) -> list[str]:
+def shdr_lines(now: PublishedState, before: PublishedState | None) -> list[str]:
     """Return the lines that take an agent from what it was told `before` to `now`; None: nothing yet."""
     told = {} if before is None else before.values
     changed = {key: value for key, value in now.values.items() if told.get(key) != value}
@@ -203,7 +203,7 @@ def shdr_lines(now: Published, before: Published | None) -> list[str]:
     return lines + [_line(now.at_utc, key, *fields) for key in TYPES for fields in _of_condition(key, now, before)]
 
 
-def _of_condition(key: str, now: Published, before: Published | None) -> list[tuple[str, ...]]:
+def _of_condition(key: str, now: PublishedState, before: PublishedState | None) -> list[tuple[str, ...]]:
     """Return the fields of each line. NORMAL without a code clears all of the condition, with a code that one."""
     if now.conditions is None:
         known = before is not None and before.conditions is None
@@ -245,7 +245,7 @@ def topic_of(prefix: str, device: str) -> str:
     return f"{prefix}/{device.translate(_WILDCARDS)}/"
 
 
-def messages(published: Published, state: FeedState | None) -> dict[str, bytes]:
+def messages(published: PublishedState, state: FeedState | None) -> dict[str, bytes]:
     """Return the payload of each topic below that of the device, in the order in which they are to be sent.
 
     AVAILABLE comes after the values, so that who reads it has those that belong to it; UNAVAILABLE comes first.

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from console.session.errors import SessionError
 from console.session.feed.feed_state import FeedState
 from console.site.exchange.broker import Broker
-from console.site.exchange.mtconnect import AVAILABILITY, STATE, UNAVAILABLE, Published, is_news, messages
+from console.site.exchange.mtconnect import AVAILABILITY, STATE, UNAVAILABLE, PublishedState, is_news, messages
 from profiles.files import printable
 from profiles.problem import Problem
 
@@ -45,7 +45,7 @@ class Publisher:
         self._topic, self._tell = topic, tell
         self._lock = threading.Lock()
         self._told: dict[str, bytes] = {}
-        self._newest: tuple[Published, FeedState | None] | None = None
+        self._newest: tuple[PublishedState, FeedState | None] | None = None
         self._state: FeedState | None = None
         self._connected, self._closing, self._left = False, False, threading.Event()
         self._reason, self._answer = "", threading.Timer(0.0, self._no_answer)
@@ -62,7 +62,7 @@ class Publisher:
         self._client.connect_async(self._broker.host, self._broker.port, KEEP_ALIVE_S)
         self._client.loop_start()
 
-    def show(self, published: Published, state: FeedState | None) -> None:
+    def show(self, published: PublishedState, state: FeedState | None) -> None:
         """Publish what has changed; returns at once."""
         with self._lock:
             self._newest = published, state

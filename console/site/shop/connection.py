@@ -63,7 +63,7 @@ def judged_address(given: str) -> dict[str, str]:
 
 
 @contextmanager
-def connected(given: str, answer_s: float | None = None) -> Iterator[psycopg.Connection[Values]]:
+def connect_shop(given: str, answer_s: float | None = None) -> Iterator[psycopg.Connection[Values]]:
     """Yield a connection; each transaction is begun by its user. `answer_s` is the longest silence, s.
 
     Raises SessionError: as `judged_address`; `ship.not_encrypted`, over a network; `ship.lost`, whatever the
@@ -74,29 +74,29 @@ def connected(given: str, answer_s: float | None = None) -> Iterator[psycopg.Con
     import psycopg
     from psycopg.conninfo import make_conninfo
 
-    class Link(psycopg.Connection[Values]):
+    class AnsweringConnection(psycopg.Connection[Values]):
         def wait(self, gen: Any, *more: Any, **how: Any) -> Any:
-            return super().wait(_answered(gen, self, answer_s or ANSWER_S), *more, **how)
+            return super().wait(_await_answer(gen, self, answer_s or ANSWER_S), *more, **how)
 
-    link: Link | None = None
+    link: AnsweringConnection | None = None
     where = place_of(None, parts)
     try:
         whole = make_conninfo(**{**DEFAULTS, **parts, "client_encoding": "utf8"})
         # Not prepared: a pool of connections in between need not know statements.
-        link = Link.connect(whole, autocommit=True, prepare_threshold=None)
+        link = AnsweringConnection.connect(whole, autocommit=True, prepare_threshold=None)
         where = place_of(link, parts)
         _refuse_plain(link, parts)
         link.execute(f"SET lock_timeout = '{LOCK_S}s'".encode())
         yield link
     except psycopg.Error as error:
-        raise SessionError(lost(error, where)) from None
+        raise SessionError(lost_problem(error, where)) from None
     finally:
         if link is not None:
             with suppress(psycopg.Error):
                 link.close()
 
 
-def _answered(
+def _await_answer(
     steps: Generator[Any, Any, Any], link: psycopg.Connection[Values], answer_s: float
 ) -> Generator[Any, Any, Any]:
     """Run a generator of psycopg, woken ten times a second for nothing, until the silence has lasted too long."""
@@ -116,7 +116,7 @@ def _answered(
 
 
 @contextmanager
-def committed(link: psycopg.Connection[Values]) -> Iterator[None]:
+def commit_transaction(link: psycopg.Connection[Values]) -> Iterator[None]:
     """Carry out what is done inside as a transaction. Raises psycopg.Error, also if it was not committed.
 
     A transaction that the server has given up answers COMMIT with ROLLBACK, which is no error to psycopg.
@@ -134,7 +134,7 @@ def committed(link: psycopg.Connection[Values]) -> Iterator[None]:
         raise OperationalError(f"COMMIT was answered by {said}")
 
 
-def lost(error: psycopg.Error, where: str) -> Problem:
+def lost_problem(error: psycopg.Error, where: str) -> Problem:
     """Return the problem of what libpq or the server has refused; values of rows are not told."""
     said = error.diag.message_primary or str(error)
     return Problem(

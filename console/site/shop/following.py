@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
-from console.site.shop.connection import connected
+from console.site.shop.connection import connect_shop
 from console.site.shop.identity import lathe_identity
 from console.site.shop.schema import refuse_other_schema
-from console.site.shop.shipping import Sent, greet, ship_over
+from console.site.shop.shipping import SentRows, greet, ship_over
 from profiles.problem import Problem, ProblemError
 
 PERIOD_S = 5.0
@@ -28,10 +28,10 @@ def follow(
     given: str,
     *,
     period_s: float = PERIOD_S,
-    told: Callable[[Sent], object] = lambda sent: None,
+    told: Callable[[SentRows], object] = lambda sent: None,
     waits: Waits = time.sleep,
     clock: Callable[[], float] = time.monotonic,
-) -> Generator[Sent | Problem, None, None]:
+) -> Generator[SentRows | Problem, None, None]:
     """Send for ever; yield what each pass has sent, and a refusal that is tried again, each minute while it lasts.
 
     `waits` waits some seconds. Between two tries the pause doubles, up to a minute. Raises SessionError: any
@@ -55,10 +55,10 @@ def follow(
 
 
 def _over_one_link(
-    data: Path, given: str, period_s: float, told: Callable[[Sent], object], waits: Waits
-) -> Iterator[Sent]:
+    data: Path, given: str, period_s: float, told: Callable[[SentRows], object], waits: Waits
+) -> Iterator[SentRows]:
     lathe = lathe_identity(data)
-    with connected(given) as link:
+    with connect_shop(given) as link:
         refuse_other_schema(link)
         greeted_s, sent = -GREET_S, None
         while True:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from console.session.data.kept_files import file_error, keep, kept, utc_now
+from console.session.data.kept_files import file_error, keep, read_kept_values, utc_now
 from console.session.errors import SessionError
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
@@ -52,7 +52,7 @@ def lathe_identity(data: Path) -> LatheIdentity:
         except ProfileError as error:
             if error.problems[0].code != "file.exists":  # another console was quicker
                 raise
-    return _identity(kept(path, "ship.identity"), path)
+    return _identity(read_kept_values(path, "ship.identity"), path)
 
 
 def _new() -> dict[str, Any]:

@@ -18,7 +18,7 @@ from console.session.data.record_schema import create
 from console.session.data.run_reader import RunFilters, recorded_date
 from console.session.data.run_rows import COMPLETE, ENDS, STARTS
 from console.session.errors import SessionError
-from console.site.shop.connection import Values, connected
+from console.site.shop.connection import Values, connect_shop
 from console.site.shop.schema import refuse_other_schema
 from console.site.shop.tables import EVENTS, MEASUREMENTS, RUNS, TELEMETRY, TEXTS, TRACES, SentTable
 from profiles.files import printable
@@ -70,21 +70,21 @@ class ShopFolder:
 def shop_folder(given: str, query: ShopQuery) -> Iterator[ShopFolder]:
     """Yield a folder with records of the shop, which is removed afterwards.
 
-    Raises SessionError: as `connected` and `refuse_other_schema`; `ship.no_lathe`, `ship.ambiguous_lathe`.
+    Raises SessionError: as `connect_shop` and `refuse_other_schema`; `ship.no_lathe`, `ship.ambiguous_lathe`.
     """
     with tempfile.TemporaryDirectory(prefix="trilobe-shop-") as made:
-        with connected(given, READ_S if query.whole and query.run is None else None) as link:
+        with connect_shop(given, READ_S if query.whole and query.run is None else None) as link:
             refuse_other_schema(link)
             # One moment for all tables: no run without its events.
             with link.transaction():
                 link.execute("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ READ ONLY")
-                lathes = _copied(link, query, Path(made) / FILE_NAME)
+                lathes = _copy_queried_runs(link, query, Path(made) / FILE_NAME)
         yield ShopFolder(Path(made), lathes)
 
 
-def _copied(link: psycopg.Connection[Values], query: ShopQuery, file: Path) -> dict[str, str]:
+def _copy_queried_runs(link: psycopg.Connection[Values], query: ShopQuery, file: Path) -> dict[str, str]:
     names: dict[str, str] = dict(link.execute("SELECT lathe_id, name FROM shop.lathes").fetchall())
-    found = _selected(link, query, _lathe_id(names, query.lathe))
+    found = _select_runs(link, query, _lathe_id(names, query.lathe))
     shown: dict[tuple[str, str], str] = {}
     for lathe_id, run_id in reversed(found):
         # Folders that were copied have runs with the same id; they are told apart.
@@ -118,7 +118,9 @@ def _lathe_id(names: Mapping[str, str], wanted: str | None) -> str | None:
     raise SessionError(Problem(code="ship.no_lathe", value=value, limit=limit))
 
 
-def _selected(link: psycopg.Connection[Values], query: ShopQuery, lathe_id: str | None) -> list[tuple[str, str]]:
+def _select_runs(
+    link: psycopg.Connection[Values], query: ShopQuery, lathe_id: str | None
+) -> list[tuple[str, str]]:
     """Return lathe and id of the runs, newest first in the order in which they arrived."""
     filters, conditions, keys = query.filters, ["true"], list[object]()
     for line, value in (

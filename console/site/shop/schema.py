@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from console.session.errors import SessionError
-from console.site.shop.connection import Values, connected, place_of
+from console.site.shop.connection import Values, connect_shop, place_of
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
@@ -56,9 +56,9 @@ def migrations() -> tuple[Migration, ...]:
 def migrate(given: str) -> tuple[Migration, ...]:
     """Carry out the steps that are missing in a database; return them.
 
-    Raises SessionError: as `connected`; `ship.newer_schema`, `ship.changed_schema`, `ship.not_utf8`.
+    Raises SessionError: as `connect_shop`; `ship.newer_schema`, `ship.changed_schema`, `ship.not_utf8`.
     """
-    with connected(given, answer_s=MIGRATION_S) as link:
+    with connect_shop(given, answer_s=MIGRATION_S) as link:
         if (encoding := link.info.parameter_status("server_encoding")) != "UTF8":
             raise SessionError(Problem(code="ship.not_utf8", where=place_of(link, {}), value=str(encoding)))
         link.execute("SELECT pg_advisory_lock(%s)", (_LOCK,))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from console.session.data.record_file import FILE_NAME
 from console.session.errors import SessionError
-from console.site.shop.connection import Values, committed, connected
+from console.site.shop.connection import Values, commit_transaction, connect_shop
 from console.site.shop.identity import LatheIdentity, lathe_identity
 from console.site.shop.outbox import Outbox, Row, outbox
 from console.site.shop.schema import refuse_other_schema
@@ -44,7 +44,7 @@ _CONTACT = "INSERT INTO shop.contacts (lathe_id, name, software, lathe_at) VALUE
 
 
 @dataclass(slots=True)
-class Sent:
+class SentRows:
     """What was sent so far: rows by table, in how many transactions.
 
     `left` are rows that wait, None where nothing is recorded. `upto` is where the records ended: the id of
@@ -77,18 +77,19 @@ def ship(
     given: str,
     *,
     again: bool = False,
-    told: Callable[[Sent], object] = lambda sent: None,
+    told: Callable[[SentRows], object] = lambda sent: None,
     most_rows: int = MOST_ROWS,
-) -> Sent:
+) -> SentRows:
     """Send what is recorded in a data folder and was not sent yet; `told` is called after each transaction.
 
     `again` goes over everything from its beginning: what the shop has stays there as it is.
 
-    Raises SessionError: as `connected`, `refuse_other_schema`, `lathe_identity`, `outbox`; `ship.diverged`, these
+    Raises SessionError: as `connect_shop`, `refuse_other_schema`, `lathe_identity`, `outbox`; `ship.diverged`,
+    these
         records are not a continuation of those that were sent; `ship.not_text`. What was sent before, stays.
     """
     lathe = lathe_identity(data)
-    with connected(given) as link:
+    with connect_shop(given) as link:
         refuse_other_schema(link)
         greet(link, lathe)
         return ship_over(link, data, lathe, again=again, told=told, most_rows=most_rows)
@@ -110,15 +111,15 @@ def ship_over(
     lathe: LatheIdentity,
     *,
     again: bool = False,
-    told: Callable[[Sent], object] = lambda sent: None,
+    told: Callable[[SentRows], object] = lambda sent: None,
     most_rows: int = MOST_ROWS,
-    before: Sent | None = None,
-) -> Sent:
+    before: SentRows | None = None,
+) -> SentRows:
     """Do the same over a connection to a database that has the schema. Raises psycopg.Error, too.
 
     Where nothing was recorded since the pass `before`, the database is not asked.
     """
-    sent = Sent(lathe)
+    sent = SentRows(lathe)
     with outbox(data) as box:
         if box is None:
             return sent
@@ -137,7 +138,12 @@ def ship_over(
 
 
 def _send_transaction(
-    link: psycopg.Connection[Values], box: Outbox, keys: tuple[str, str], sent: Sent, data: Path, most_rows: int
+    link: psycopg.Connection[Values],
+    box: Outbox,
+    keys: tuple[str, str],
+    sent: SentRows,
+    data: Path,
+    most_rows: int,
 ) -> None:
     """Send the next rows.
 
@@ -146,7 +152,7 @@ def _send_transaction(
     from psycopg.errors import UniqueViolation
 
     try:
-        with committed(link):
+        with commit_transaction(link):
             _send_some(link, box, keys, sent, data, most_rows)
     except UniqueViolation as error:
         where, value = printable(str(data / FILE_NAME)), printable(str(error.diag.table_name))
@@ -155,7 +161,12 @@ def _send_transaction(
 
 
 def _send_some(
-    link: psycopg.Connection[Values], box: Outbox, keys: tuple[str, str], sent: Sent, data: Path, most_rows: int
+    link: psycopg.Connection[Values],
+    box: Outbox,
+    keys: tuple[str, str],
+    sent: SentRows,
+    data: Path,
+    most_rows: int,
 ) -> None:
     """Send the next rows inside the caller's transaction, and keep how far they go. Raises psycopg.Error."""
     from psycopg import OperationalError
@@ -169,7 +180,7 @@ def _send_some(
     sent.left = 0
     for table in SENT:
         place = places[table.name]
-        batch = list(_within(box.rows(table, place.last_row, max(rows_left, 0)), bytes_left))
+        batch = list(_limit_rows(box.rows(table, place.last_row, max(rows_left, 0)), bytes_left))
         if batch:
             _refuse_unstorable(table, batch, data)
             _insert(link, table, keys, batch, again=place.again)
@@ -188,7 +199,7 @@ def _send_some(
             return
 
 
-def _within(rows: Iterator[Row], most_bytes: int) -> Iterator[Row]:
+def _limit_rows(rows: Iterator[Row], most_bytes: int) -> Iterator[Row]:
     """Yield rows until they are as large as allowed, and the one that passes it."""
     for row in rows:
         if most_bytes <= 0:

@@ -18,13 +18,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from console.session.data.calibrated_chuck import calibrated
+from console.session.data.calibrated_chuck import apply_calibrations
 from console.session.data.kept_files import jobs_folder, machines_folder
 from drivers.cutting.strategy import Strategy
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.which_lathe import MOUNTED
-from profiles.fields import Field, Kind, fault, read_fields, schema_problem, spelled
+from profiles.fields import Field, FieldType, fault, read_fields, schema_problem, spell_toml
 from profiles.files import printable, read_toml
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -69,24 +69,24 @@ SEED_LIMIT = 2**32 - 1
 STAGES = ("partial", "full")
 
 FIELDS = (
-    Field(key="schema", kind=Kind.WHOLE, at_least=1, at_most=1),
-    Field(key="jobs", kind=Kind.TEXTS, longest=LONGEST_NAME),
-    Field(key="machines", kind=Kind.TEXTS, longest=LONGEST_NAME),
-    Field(key="plants", kind=Kind.TEXTS, longest=LONGEST_NAME, default=("realistic",)),
-    Field(key="strategies", kind=Kind.TEXTS, choices=tuple(map(str, Strategy)), default=("cam",)),
-    Field(key="stage", kind=Kind.CHOICE, choices=STAGES, default="full"),
-    Field(key="parts", kind=Kind.WHOLE, at_least=1, at_most=MOST_PARTS, default=1),
-    Field(key="compare", kind=Kind.CHOICE, choices=("off", "on"), default="off"),
+    Field(key="schema", kind=FieldType.WHOLE, at_least=1, at_most=1),
+    Field(key="jobs", kind=FieldType.TEXTS, longest=LONGEST_NAME),
+    Field(key="machines", kind=FieldType.TEXTS, longest=LONGEST_NAME),
+    Field(key="plants", kind=FieldType.TEXTS, longest=LONGEST_NAME, default=("realistic",)),
+    Field(key="strategies", kind=FieldType.TEXTS, choices=tuple(map(str, Strategy)), default=("cam",)),
+    Field(key="stage", kind=FieldType.CHOICE, choices=STAGES, default="full"),
+    Field(key="parts", kind=FieldType.WHOLE, at_least=1, at_most=MOST_PARTS, default=1),
+    Field(key="compare", kind=FieldType.CHOICE, choices=("off", "on"), default="off"),
     Field(key="cut_length_mm", above=0.0, at_most=10_000.0, unit="mm", optional=True),
     Field(key="clamping_sd_percent", at_least=0.0, at_most=50.0, unit="%", optional=True),
 )
 """Keys of a study besides `seeds`: a list, or a table with `from` and `count`."""
 
 SEED_FIELDS = (
-    Field(key="from", kind=Kind.WHOLE, at_least=0, at_most=SEED_LIMIT, default=1),
-    Field(key="count", kind=Kind.WHOLE, at_least=1, at_most=MOST_CELLS),
+    Field(key="from", kind=FieldType.WHOLE, at_least=0, at_most=SEED_LIMIT, default=1),
+    Field(key="count", kind=FieldType.WHOLE, at_least=1, at_most=MOST_CELLS),
 )
-_SEED = Field(key="seeds", kind=Kind.WHOLE, at_least=0, at_most=SEED_LIMIT)
+_SEED = Field(key="seeds", kind=FieldType.WHOLE, at_least=0, at_most=SEED_LIMIT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +115,7 @@ class _Packer(pickle.Pickler):
         return (_read_only, (dict(value),)) if isinstance(value, MappingProxyType) else NotImplemented
 
 
-def packed(cell: Cell) -> bytes:
+def pack_cell(cell: Cell) -> bytes:
     """Return a cell as bytes, for `pickle.loads` in another process."""
     written = io.BytesIO()
     _Packer(written).dump(cell)
@@ -165,8 +165,8 @@ def read_study(path: Path) -> Study:
     seeds, wrong = _seeds(table.get("seeds", {"from": 1, "count": 1}), where)
     problems += wrong
     for key in ("jobs", "machines", "plants", "strategies"):
-        problems += _listed(key, values.get(key), where)
-    problems += _listed("seeds", table.get("seeds"), where) if not wrong else []
+        problems += _check_list(key, values.get(key), where)
+    problems += _check_list("seeds", table.get("seeds"), where) if not wrong else []
     if problems:
         raise ProfileError(*problems)
     values.pop("schema")
@@ -194,7 +194,7 @@ def _seeds(found: object, where: str) -> tuple[tuple[int, ...], list[Problem]]:
         return tuple(range(first, last + 1)), []
     listed = found if isinstance(found, list) else [found]
     problems = [
-        Problem(code=code, where=where, key="seeds", value=spelled(each), limit=_SEED.limit)
+        Problem(code=code, where=where, key="seeds", value=spell_toml(each), limit=_SEED.limit)
         for each in listed
         if (code := fault(_SEED, each))
     ]
@@ -205,14 +205,14 @@ def _texts(found: Mapping[Any, Any]) -> dict[str, object]:
     return {str(key): value for key, value in found.items()}
 
 
-def _listed(key: str, found: object, where: str) -> list[Problem]:
+def _check_list(key: str, found: object, where: str) -> list[Problem]:
     """Return what is wrong with a list as such: empty, or something twice."""
     if not isinstance(found, list | tuple):
         return []
     if not found:
         return [Problem(code="study.empty_list", where=where, key=key)]
     twice = next((each for each, count in Counter(found).items() if count > 1), None)
-    return [] if twice is None else [Problem(code="study.twice", where=where, key=key, value=spelled(twice))]
+    return [] if twice is None else [Problem(code="study.twice", where=where, key=key, value=spell_toml(twice))]
 
 
 def cells(study: Study, data: Path, beside: Path) -> Iterator[Cell]:
@@ -224,12 +224,12 @@ def cells(study: Study, data: Path, beside: Path) -> Iterator[Cell]:
 
     @cache
     def job_named(name: str) -> Job:
-        job = load_job(_placed(name, beside), jobs_folder(data)).job
+        job = load_job(_resolve_path(name, beside), jobs_folder(data)).job
         return job if study.cut_length_mm is None else replace(job, cut_length_mm=study.cut_length_mm)
 
     @cache
     def machine_named(name: str) -> MachineProfile:
-        return calibrated(load_machine(_placed(name, beside), machines_folder(data)), data).machine
+        return apply_calibrations(load_machine(_resolve_path(name, beside), machines_folder(data)), data).machine
 
     combined = product(study.jobs, study.machines, study.plants, study.strategies, study.seeds)
     for number, (job, machine, plant, strategy, seed) in enumerate(combined, start=1):
@@ -246,12 +246,12 @@ def cells(study: Study, data: Path, beside: Path) -> Iterator[Cell]:
             if plant == MOUNTED:
                 raise ProblemError(Problem(code="study.mounted", value=plant))
             profile = machine_named(machine)
-            true = plant_named(_placed(plant, beside), profile, seed, study.clamping_sd_percent)
+            true = plant_named(_resolve_path(plant, beside), profile, seed, study.clamping_sd_percent)
             yield replace(bare, job=job_named(job), machine=profile, true=true)
         except ProblemError as error:
             yield replace(bare, problems=tuple(error.problems))
 
 
-def _placed(name: str, beside: Path) -> str:
+def _resolve_path(name: str, beside: Path) -> str:
     """Return a path as seen from here; a name stays one."""
     return str(beside / name) if "/" in name or name.endswith(".toml") else name

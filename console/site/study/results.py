@@ -17,12 +17,12 @@ TABLE, PARQUET = "results.csv", "results.parquet"
 def write_table(folder: Path, rows: Sequence[Row]) -> Path:
     """Write the results as CSV; numbers are not rounded. ProfileError `file.not_writable`."""
     path = folder / TABLE
-    content = csv_table(COLUMNS, ([_shown(row[column]) for column in COLUMNS] for row in rows))
+    content = csv_table(COLUMNS, ([_format_value(row[column]) for column in COLUMNS] for row in rows))
     write_atomically(path, content.encode("utf-8", "backslashreplace"), overwrite=True)
     return path
 
 
-def _shown(value: Value) -> Value:
+def _format_value(value: Value) -> Value:
     if value is None:
         return ""
     return str(value).lower() if isinstance(value, bool) else value

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 from console.session.data.kept_files import file_error
 from console.session.ending_signal import held_back
 from console.session.errors import SessionError
-from console.site.study.cells import COLUMNS, FAULT, MADE, REFUSED, Cell, Row, Value, packed
+from console.site.study.cells import COLUMNS, FAULT, MADE, REFUSED, Cell, Row, Value, pack_cell
 from console.site.study.workers import Workers
 from profiles.files import open_regular, printable
 from profiles.problem import Problem, ProblemError
@@ -47,7 +47,7 @@ FULL = "full"
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
+class StudyProgress:
     """How far a study is: cells that are kept, those of this call among them, and those that could not be made."""
 
     cells: int
@@ -56,7 +56,7 @@ class Progress:
     bad: int
 
 
-Told = Callable[[Progress], object]
+DebriefEvent = Callable[[StudyProgress], object]
 
 
 class Journal:
@@ -132,7 +132,7 @@ def _append(descriptor: int, table: dict[str, object]) -> None:
     os.fsync(descriptor)
 
 
-def carry_out(all_cells: Iterable[Cell], folder: Path, opens: Opens, told: Told) -> tuple[Row, ...]:
+def carry_out(all_cells: Iterable[Cell], folder: Path, opens: Opens, told: DebriefEvent) -> tuple[Row, ...]:
     """Make the cells that the journal in a folder does not have; return the rows of all.
 
     `opens` opens the workers, `told` is called at the beginning and after each cell. Raises SessionError: as
@@ -145,7 +145,7 @@ def carry_out(all_cells: Iterable[Cell], folder: Path, opens: Opens, told: Told)
 
         def tell() -> None:
             bad = sum(any(row["outcome"] != MADE for row in rows) for rows in kept.made.values())
-            told(Progress(len(ordered), len(kept.made), len(kept.made) - begun_with, bad))
+            told(StudyProgress(len(ordered), len(kept.made), len(kept.made) - begun_with, bad))
 
         tell()
         if left:
@@ -168,7 +168,7 @@ def make(content: bytes) -> CellResult:
     try:
         rows = _rows(cell)
     except ProblemError as error:
-        rows = (failed(cell, REFUSED, *error.problems),)
+        rows = (failed_row(cell, REFUSED, *error.problems),)
     except Exception as fault:
         # A study of a night goes on; the row says what happened, and where to look for it.
         if os.environ.get("TRILOBE_TRACEBACK"):
@@ -182,7 +182,7 @@ def software() -> str:
     return f"trilobe {version('trilobe')}"
 
 
-def failed(cell: Cell, outcome: str, *problems: Problem) -> Row:
+def failed_row(cell: Cell, outcome: str, *problems: Problem) -> Row:
     """Return the row of a cell that could not be made."""
     said = "; ".join(str(problem) for problem in problems)
     codes = " ".join(dict.fromkeys(problem.code for problem in problems))
@@ -231,14 +231,14 @@ def _rows(cell: Cell) -> tuple[Row, ...]:
     if cell.parts > 1:
         learned = learn(plan, open_machine, nothing, cell.parts)
         return tuple(
-            _made(cell, learned, part.roundness, part.figures, part.collisions, number)
+            _result_row(cell, learned, part.roundness, part.figures, part.collisions, number)
             for number, part in enumerate(learned.parts, start=1)
         )
     one = run(plan, open_machine, nothing) if cell.compare else run_once(plan, open_machine(), nothing)
-    return (_made(cell, one, one.after, one.figures, one.collisions, 1),)
+    return (_result_row(cell, one, one.after, one.figures, one.collisions, 1),)
 
 
-def _made(
+def _result_row(
     cell: Cell,
     result: RunResult,
     roundness: RoundnessResult | None,
@@ -307,7 +307,7 @@ def _handed_out(left: Sequence[Cell], opens: Opens, kept: Journal, tell: Callabl
             while waiting or under_way:
                 while waiting and len(under_way) < AHEAD * workers.count:
                     with held_back():  # a process that begins has to be told what to begin with
-                        under_way[workers.executor.submit(make, packed(waiting[0]))] = waiting[0]
+                        under_way[workers.executor.submit(make, pack_cell(waiting[0]))] = waiting[0]
                     waiting.popleft()
                 done, _ = wait(under_way, return_when=FIRST_COMPLETED)
                 for future in done:

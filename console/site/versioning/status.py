@@ -23,7 +23,7 @@ LINK_MODE, SHA1_DIGITS = "120000", 40
 CAP_BYTES = 100_000_000  # far above what is read of any of these files
 
 
-class How(StrEnum):
+class FileChangeKind(StrEnum):
     """How a file differs from the commit."""
 
     MODIFIED = "modified"
@@ -33,11 +33,11 @@ class How(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class FileChange:
     """A file that differs; `path` is below the data folder."""
 
     path: str
-    how: How
+    how: FileChangeKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class CloneStatus:
     upstream: str | None
     ahead: int | None
     behind: int | None
-    changes: tuple[Change, ...]
+    changes: tuple[FileChange, ...]
 
 
 def clone_status(data: Path) -> CloneStatus:
@@ -96,22 +96,22 @@ def _entries(found: bytes, end: str) -> dict[str, str]:
     return {path: said for said, _, path in parts}
 
 
-def _changes(data: Path, there: Mapping[str, str], committed: Mapping[str, str]) -> Iterator[Change]:
+def _changes(data: Path, there: Mapping[str, str], committed: Mapping[str, str]) -> Iterator[FileChange]:
     """Yield what differs; `there` has the tags of `git ls-files -t`, `committed` mode, type and hash."""
     for path in sorted({*there, *committed}):
         mode, _, blob = committed.get(path, " ").partition(" ")
         kind, _, digest = blob.partition(" ")
         is_there = os.path.lexists(data / path)
         if there.get(path) == CONFLICT_TAG:
-            yield Change(path=path, how=How.CONFLICT)
+            yield FileChange(path=path, how=FileChangeKind.CONFLICT)
         elif path not in committed:
             if is_there:
-                yield Change(path=path, how=How.NEW)
+                yield FileChange(path=path, how=FileChangeKind.NEW)
         elif not is_there:
             if there.get(path) != SPARSE_TAG:
-                yield Change(path=path, how=How.DELETED)
+                yield FileChange(path=path, how=FileChangeKind.DELETED)
         elif kind == "blob" and not _is_blob(data / path, mode == LINK_MODE, digest):
-            yield Change(path=path, how=How.MODIFIED)
+            yield FileChange(path=path, how=FileChangeKind.MODIFIED)
 
 
 def _is_blob(path: Path, is_link: bool, digest: str) -> bool:

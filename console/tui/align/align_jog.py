@@ -16,8 +16,8 @@ from console.tui.align.hold_run import (
     LONGEST_STEP_S,
     MOST_GAP_S,
     UNMEASURED,
-    Calibration,
     HoldRun,
+    KeyRepeatCalibration,
     Overrun,
     Repeat,
     Tier,
@@ -58,7 +58,7 @@ def hold_the_key() -> Problem:
 
 
 @dataclass(frozen=True, slots=True)
-class _Posted:
+class _PostedStep:
     """State of the machine when a step was posted."""
 
     jogs: int
@@ -74,39 +74,39 @@ class StepQueue:
     def __init__(self) -> None:
         self.key: str | None = None
         self.asked = self.made = 0
-        self._posted: _Posted | None = None
+        self._posted: _PostedStep | None = None
         self._asked_s = self._followed_s = -math.inf
 
     @property
-    def left(self) -> int:
+    def steps_left(self) -> int:
         """Steps that were asked for and are not made, with the one under way."""
         return self.asked - self.made
 
     @property
     def waiting(self) -> int:
         """Steps that were not commanded yet."""
-        return self.left - (self._posted is not None)
+        return self.steps_left - (self._posted is not None)
 
     @property
     def is_due(self) -> bool:
         """Whether the next step is to be commanded, as soon as the machine is at rest."""
-        return self._posted is None and self.left > 0
+        return self._posted is None and self.steps_left > 0
 
     def add(self, key: str, now_s: float) -> bool:
         """Ask for one more step; return False if too many wait already."""
         if self.waiting >= MOST_WAITING:
             return False
-        if key != self.key or (not self.left and now_s - self._asked_s > SERIES_S):
+        if key != self.key or (not self.steps_left and now_s - self._asked_s > SERIES_S):
             self.asked = self.made = 0
-        if not self.left:
+        if not self.steps_left:
             self._followed_s = now_s
         self.key, self._asked_s = key, now_s
         self.asked += 1
         return True
 
-    def posted(self, state: StationState) -> None:
+    def note_posted_step(self, state: StationState) -> None:
         """Note that the next step was commanded in this state."""
-        self._posted = _Posted(state.jogs, state.refusals)
+        self._posted = _PostedStep(state.jogs, state.refusals)
 
     def follow(self, state: StationState, now_s: float) -> bool:
         """Note what became of the step under way; return False if those that wait were dropped.
@@ -150,9 +150,9 @@ class JogKeys:
         self._jogged: tuple[AlignStep | None, AxisName] | None = None
         self._jog: JogEnable | None = None
         self._presses, self._queue = JogPresses(), StepQueue()
-        self._hold, self._calibration, self._strokes = HoldRun(), Calibration(), ReportedStrokes()
+        self._hold, self._calibration, self._strokes = HoldRun(), KeyRepeatCalibration(), ReportedStrokes()
 
-    def heard(self, key: str | None) -> None:
+    def drop_waiting_steps(self, key: str | None) -> None:
         """Drop the steps that wait at any key but their own; the one under way goes to its end."""
         if key is None or key != self._queue.key:
             self._presses.forget()
@@ -175,7 +175,7 @@ class JogKeys:
 
     def _tell(self) -> None:
         """Let the gate of the keys know of steps: between two of them the machine is at rest, but goes on."""
-        self.ui.queued = self._queue.left > 0
+        self.ui.queued = self._queue.steps_left > 0
 
     def why_not(self, key: str, state: StationState, now_s: float) -> tuple[Problem, ...]:
         """Return why a jog key makes no step from rest: the machine, no enable, or too long a step."""
@@ -187,7 +187,7 @@ class JogKeys:
 
     def _too_fast(self, key: str) -> tuple[Problem, ...]:
         axis = JOGS[key][0]
-        problem = speed_problem(self.ui.machine.machine, axis, self._steps.of(axis))
+        problem = speed_problem(self.ui.machine.machine, axis, self._steps.step_length(axis))
         return () if problem is None else (problem,)
 
     def why_not_go(self, state: StationState, now_s: float) -> tuple[Problem, ...]:
@@ -206,7 +206,7 @@ class JogKeys:
         self.ui.control.post(GoTo(axis=axis, target=target))
 
     def _too_long(self, key: str, state: StationState) -> tuple[Problem, ...]:
-        step = self._steps.of(JOGS[key][0])
+        step = self._steps.step_length(JOGS[key][0])
         if key != "align.in":
             return ()
         problem = step_problem(step, state.snapshot, self.ui.machine.machine, state.alignment)
@@ -227,14 +227,14 @@ class JogKeys:
         jogs = state.activity is Activity.JOGGING or self.ui.queued
         if jogs and self.stops_what_moves(state, key):
             return
-        self._steps = self._steps.changed(self._axis(state), 1 if key == "align.larger" else -1)
+        self._steps = self._steps.change_step(self._axis(state), 1 if key == "align.larger" else -1)
         self.renew(self.ui.control.now_s())
 
     def press(self, key: str) -> None:
         """Handle a jog key: each press is one step; those of a moving machine wait for the steps before them."""
         state, now_s = self.ui.control.state, self.ui.control.now_s()
         self._see(state, now_s)
-        if self._presses.due(now_s) == key:
+        if self._presses.take_due_key(now_s) == key:
             self._finger(key, now_s)
         continues = key == self.ui.jog and (state.activity is Activity.JOGGING or self.ui.queued)
         if not continues and (self.stops_what_moves(state, key) or self.ui.refuses(key)):
@@ -318,7 +318,7 @@ class JogKeys:
         if key == "align.in":
             return Problem(code="screen.no_hold_to_work", key=KEYS[key])
         axis = JOGS[key][0]
-        step_s = jog_s(self.ui.machine.machine, axis, self._steps.of(axis))
+        step_s = jog_s(self.ui.machine.machine, axis, self._steps.step_length(axis))
         if step_s > LONGEST_STEP_S:
             return Problem(code="screen.no_hold_long", value=f"{step_s:.1f} s", limit=f"{LONGEST_STEP_S:.1f} s")
         return None
@@ -329,10 +329,10 @@ class JogKeys:
         self._see(state, now_s)
         if self._jog is None:
             return
-        if (key := self._presses.due(now_s)) is not None:
+        if (key := self._presses.take_due_key(now_s)) is not None:
             self._finger(key, now_s)
         held = self._queue.key
-        if held is not None and not self._queue.left and not state.moving and self._runs(now_s):
+        if held is not None and not self._queue.steps_left and not state.moving and self._runs(now_s):
             self._ask(held)
         self._post_next(state)
         self._tell()
@@ -340,7 +340,9 @@ class JogKeys:
     def _see(self, state: StationState, now_s: float) -> None:
         """Note what became of the enabled jog and of the step under way; nothing is commanded."""
         self.let_go(state, now_s)
-        stopped = self._queue.left > 0 and not self.ui.queued  # by a key, in the thread that reads the terminal
+        stopped = (
+            self._queue.steps_left > 0 and not self.ui.queued
+        )  # by a key, in the thread that reads the terminal
         if self._jog is None or stopped:
             self._forget()
             return
@@ -352,7 +354,7 @@ class JogKeys:
     def _ask(self, key: str) -> None:
         """Take one more step into the queue; it is commanded at once where the machine is at rest."""
         state = self.ui.control.state
-        if self._queue.left == 0 and self.ui.answers(self.why_not(key, state, self.ui.control.now_s())):
+        if self._queue.steps_left == 0 and self.ui.answers(self.why_not(key, state, self.ui.control.now_s())):
             self._presses.forget()
             return
         if not self._queue.add(key, self.ui.control.now_s()):
@@ -372,8 +374,8 @@ class JogKeys:
         axis, sign = JOGS[key]
         self._jogged = step_now(state.alignment, self.ui.job), axis
         self.renew(self.ui.control.now_s())
-        self._queue.posted(state)
-        if not self.ui.control.post(Jog(axis=axis, distance=sign * self._steps.of(axis))):
+        self._queue.note_posted_step(state)
+        if not self.ui.control.post(Jog(axis=axis, distance=sign * self._steps.step_length(axis))):
             self._forget()
 
     def let_go(self, state: StationState, now_s: float) -> None:
@@ -405,7 +407,7 @@ class JogKeys:
         axis, repeat, releases = self._axis(state), self.repeat, self.ui.releases
         if repeat is None:
             return None
-        step = self._steps.of(axis)
+        step = self._steps.step_length(axis)
         step_s = jog_s(self.ui.machine.machine, axis, step)
         if step_s > LONGEST_STEP_S:
             return None

@@ -34,18 +34,18 @@ from console.tui.lines import (
     BLANK,
     NOTHING,
     Line,
-    clipped,
+    clip_lines,
     dim,
     fact,
     first_fitting,
-    fitted,
+    fit_text,
     hanging,
+    justify_line,
     line,
-    ranged,
     to_the_right,
-    wrapped,
+    wrap_line,
 )
-from console.tui.pages.fields import named
+from console.tui.pages.fields import name_field
 from console.tui.plot.big_number import big_number
 from console.tui.theme import Token
 from console.units import Units
@@ -66,7 +66,7 @@ def axes_lines(
 ) -> list[Line]:
     """Return the table of the axes, and below it the facts common to all."""
     heads = (
-        fitted("", _LABEL_WIDTH),
+        fit_text("", _LABEL_WIDTH),
         to_the_right(text("align_page.position"), _POSITION_WIDTH),
         to_the_right(text("align_page.error"), _ERROR_WIDTH),
         to_the_right(text("align_page.homed"), _HOMED_WIDTH),
@@ -79,7 +79,7 @@ def axes_lines(
 
 
 def _axis_line(text: Catalogue, axis: AxisName, state: StationState, machine: MachineProfile, stale: bool) -> Line:
-    label = dim(fitted(text(f"align_page.axis.{axis}"), _LABEL_WIDTH))
+    label = dim(fit_text(text(f"align_page.axis.{axis}"), _LABEL_WIDTH))
     if state.snapshot is None:
         columns = (_POSITION_WIDTH, _ERROR_WIDTH, _HOMED_WIDTH)
         return (label, dim("".join(to_the_right(NOTHING, width) for width in columns)), dim(f" {NOTHING}"))
@@ -141,9 +141,9 @@ def _error_um(error_um: float, units: Units) -> str:
 def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int) -> Line:
     age_s = state.age_s(now_s)
     if state.snapshot is None or age_s is None:
-        return (dim(fitted(text("align_page.nothing_known"), width)),)
+        return (dim(fit_text(text("align_page.nothing_known"), width)),)
     if state.is_stale(now_s):
-        return ((fitted("! " + text("align_page.stale", age=f"{age_s:.0f} s"), width), Token.WARNING),)
+        return ((fit_text("! " + text("align_page.stale", age=f"{age_s:.0f} s"), width), Token.WARNING),)
     drives = ("! " + text("align_page.drives_partly"), Token.WARNING)
     if state.snapshot.loops_closed:  # in motion the room is for how long it takes
         drives = dim(text("align_page.drives_moving" if state.seen_moving else "align_page.drives_on"))
@@ -152,7 +152,7 @@ def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int)
     moving = dim(text("align_page.at_rest"))
     if state.seen_moving:
         moving = moving_words(text, state, now_s), Token.STRONG
-    return ranged((drives,), (dim(" "), moving), width)
+    return justify_line((drives,), (dim(" "), moving), width)
 
 
 def step_lines(text: Catalogue, state: StationState, job: Job | None) -> list[Line]:
@@ -175,7 +175,10 @@ def beside_each_other(steps: list[Line], size: Size) -> list[Line]:
     """Return the steps in two columns of half the rows; each is cut where it is too wide."""
     half, column = (len(steps) + 1) // 2, (size.width - 1) // 2
     pairs = zip(steps[:half], steps[half:], strict=False)
-    return [(*ranged(left, BLANK, column), dim(" "), *ranged(right, BLANK, column)) for left, right in pairs]
+    return [
+        (*justify_line(left, BLANK, column), dim(" "), *justify_line(right, BLANK, column))
+        for left, right in pairs
+    ]
 
 
 def is_valid(alignment: Alignment, job: Job | None) -> bool:
@@ -187,7 +190,7 @@ def why_lines(text: Catalogue, now: Situation, width: int, height: int | None) -
     """Return what to do now and why the alignment is not valid, or what it rests on when it is."""
     if is_valid(now.state.alignment, now.job) and waiting(now.state) not in _NO_ADVICE:
         return _stamps(text, now, width, height)
-    return clipped(_missing(text, now, width), height, text("panel.more"))
+    return clip_lines(_missing(text, now, width), height, text("panel.more"))
 
 
 def flank_lines(text: Catalogue, alignment: Alignment, job: Job, width: int) -> list[Line]:
@@ -205,7 +208,7 @@ def flank_lines(text: Catalogue, alignment: Alignment, job: Job, width: int) -> 
     if len(results) < RESULTS:
         return [
             *rows,
-            *wrapped(text("align_page.flanks_next", count=len(flanks), of=READINGS), width, Token.STRONG),
+            *wrap_line(text("align_page.flanks_next", count=len(flanks), of=READINGS), width, Token.STRONG),
         ]
     spread, most = spread_deg(results), allowed_spread_deg(job)
     within = most is None or spread <= most
@@ -215,22 +218,22 @@ def flank_lines(text: Catalogue, alignment: Alignment, job: Job, width: int) -> 
         spread=f"{spread:.2f}°",
         most="∞" if most is None else f"{most:.2f}°",
     )
-    return [*rows, *wrapped(words, width, Token.OK if within else Token.WARNING)]
+    return [*rows, *wrap_line(words, width, Token.OK if within else Token.WARNING)]
 
 
 def _missing(text: Catalogue, now: Situation, width: int) -> list[Line]:
     word, state, job = waiting(now.state), now.state, now.job
     if word in (*_NO_ADVICE, "moving"):
         free = "_free" if word == "observing" and not state.holder else ""
-        return wrapped(text(f"align_page.next.{word}{free}"), width, Token.STRONG)
+        return wrap_line(text(f"align_page.next.{word}{free}"), width, Token.STRONG)
     if job is None:
-        return wrapped(text("align_page.no_job"), width)
-    missing = [text.problem(named(problem, text)) for problem in problems(state.alignment, job)]
+        return wrap_line(text("align_page.no_job"), width)
+    missing = [text.problem(name_field(problem, text)) for problem in problems(state.alignment, job)]
     rows = [row for each in missing for row in hanging(dim("· "), each, width)]
     if now.step is AlignStep.JAW and state.alignment.flanks:
         return [*flank_lines(text, state.alignment, job, width), *rows]
     advice = text("align_page.next.stopped") if word == "stopped" else hint(text, now, job)
-    return [*wrapped(advice, width, Token.STRONG), *rows]
+    return [*wrap_line(advice, width, Token.STRONG), *rows]
 
 
 def hint(text: Catalogue, now: Situation, job: Job) -> str:
@@ -255,7 +258,7 @@ def _stamps(text: Catalogue, now: Situation, width: int, height: int | None) -> 
     """Return what the alignment rests on; in little room the blank rows go first, then how to undo."""
     head = _all_taken(text, now, width)
     facts = _facts(text, now.state.alignment, min(width, WIDEST_STAMP))
-    back = wrapped(text("align_page.back"), width)
+    back = wrap_line(text("align_page.back"), width)
     roomy, close = [*head, BLANK, *facts, BLANK, *back], [*head, *facts, *back]
     return first_fitting(height, text("panel.more"), roomy, close, [*head, *facts])
 
@@ -269,7 +272,7 @@ def _all_taken(text: Catalogue, now: Situation, width: int) -> list[Line]:
         return [line(("✓ " + text("align_page.valid"), Token.OK))]
     rows = [line("✓ " + text("align_page.all_taken"))]
     if off_deg is not None and not seen_well:
-        first, *rest = wrapped(text("align_page.jaw_off", angle=f"{off_deg:z.2f}°"), width - 4, Token.WARNING)
+        first, *rest = wrap_line(text("align_page.jaw_off", angle=f"{off_deg:z.2f}°"), width - 4, Token.WARNING)
         rows += [(("SIM", Token.SIM), dim(" "), *first), *((dim(" " * 4), *more) for more in rest)]
     return rows
 
@@ -277,7 +280,7 @@ def _all_taken(text: Catalogue, now: Situation, width: int) -> list[Line]:
 def _facts(text: Catalogue, alignment: Alignment, width: int) -> list[Line]:
     """Return what was taken, when, and on what basis: after the value where there is room, else below it."""
     pairs: list[tuple[str, str]] = []
-    for label, value, on, at in _taken(text, alignment):
+    for label, value, on, at in _list_touch_off(text, alignment):
         whole = ", ".join(filter(None, (value, on)))
         if not on or cell_len(whole) + cell_len(at) + 2 <= width - STAMP_LABEL_WIDTH:
             pairs.append((label, f"{whole}  {at}"))
@@ -286,7 +289,7 @@ def _facts(text: Catalogue, alignment: Alignment, width: int) -> list[Line]:
     return [fact(label, value, width, label_width=STAMP_LABEL_WIDTH) for label, value in pairs]
 
 
-def _taken(text: Catalogue, alignment: Alignment) -> Iterator[tuple[str, str, str, str]]:
+def _list_touch_off(text: Catalogue, alignment: Alignment) -> Iterator[tuple[str, str, str, str]]:
     clamping, jaw, touched = alignment.clamping, alignment.jaw, alignment.touch_off
     if clamping is not None:
         yield text("align_page.stamp.force"), f"{clamping.force_n:.0f} N", "", clamping.at
@@ -300,7 +303,7 @@ def _taken(text: Catalogue, alignment: Alignment) -> Iterator[tuple[str, str, st
     if touched is not None:
         zero, on = (
             f"R {text.units.show(touched.zero_radius_mm, 'mm', 3)}",
-            f"D {text.units.short(touched.diameter_mm, 'mm')}",
+            f"D {text.units.format_short(touched.diameter_mm, 'mm')}",
         )
         how = text("align_page.stamp.skimmed") if touched.skimmed else ""
         on = ", ".join(filter(None, (on, how, touched.on.tool)))

@@ -7,24 +7,24 @@ from console.session.station.jogging import TOUCH_OFF_BAND_MM, setup_speed, step
 from console.session.station.targets import distance_to, target_problems, target_range
 from console.session.typed_number import typed_length
 from console.text.catalogue import Catalogue
-from console.tui.align.asked import (
+from console.tui.align.entry_context import (
     AXES,
     CLAMPING,
     MOST_TYPED,
     UNITS,
-    Answer,
-    Asked,
-    Question,
+    EntryContext,
+    EntryKind,
+    EntryValue,
     entry_row,
     number_of,
     range_of,
     range_words,
 )
-from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, first_fitting, hanging, line, wrapped
-from console.tui.pages.fields import named
+from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, first_fitting, hanging, line, wrap_line
+from console.tui.pages.fields import name_field
 from console.tui.theme import Token
 from drivers.lathe.snapshot import Snapshot
-from profiles.chucking.advice import ForceSpan, Stands, force_span
+from profiles.chucking.advice import ForcePosition, ForceSpan, force_span
 from profiles.chucking.holding import Holding, Wrench, holding_of, torque_or_none_n_m
 from profiles.fingerprint.readings import LEAST_PLACES
 from profiles.problem import Problem, ProfileError
@@ -33,25 +33,25 @@ _LARGEST_TORQUE_N_M = 1000.0
 MOST_TYPED_UM = 2000.0
 
 
-def diameter_range(question: Question) -> tuple[float, float]:
+def diameter_range(question: EntryContext) -> tuple[float, float]:
     """Return what may be typed: about the diameter that was clamped."""
     clamping = question.alignment.clamping
     nominal_mm = 0.0 if clamping is None else clamping.diameter_mm
     return nominal_mm - 2.0 * TOUCH_OFF_BAND_MM, nominal_mm + 2.0 * TOUCH_OFF_BAND_MM
 
 
-def diameter_answer(question: Question) -> Answer:
+def diameter_answer(question: EntryContext) -> EntryValue:
     """Return the measured diameter, mm."""
     return number_of(question, "diameter_mm", *diameter_range(question))
 
 
-def zero_radius_mm(question: Question, diameter_mm: float) -> float | None:
+def zero_radius_mm(question: EntryContext, diameter_mm: float) -> float | None:
     """Return the radius of the tip at position zero that follows; None without a noted skim cut."""
     at_counts = question.alignment.skim_counts
     return None if at_counts is None else diameter_mm / 2.0 + at_counts / question.machine.tool.counts_per_mm
 
 
-def diameter_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
+def diameter_lines(text: Catalogue, question: EntryContext, width: int) -> list[Line]:
     """Return the panel of the entry: the range, what follows, and the difference to what is known."""
     low, high = range_of(question, *diameter_range(question))
     rows = [
@@ -71,31 +71,31 @@ def diameter_lines(text: Catalogue, question: Question, width: int) -> list[Line
     return rows
 
 
-def _zero_compared(text: Catalogue, question: Question, zero_mm: float, width: int) -> list[Line]:
+def _zero_compared(text: Catalogue, question: EntryContext, zero_mm: float, width: int) -> list[Line]:
     touched = question.alignment.touch_off
     before_mm = question.machine.tool.home_radius_mm if touched is None else touched.zero_radius_mm
     word = "by_profile" if touched is None else "by_touch_off"
     off_um = 1000.0 * (zero_mm - before_mm)
     off = text.units.show(off_um, "um", 1, "+")
-    return wrapped(text(f"align_page.{word}", radius=f"R {text.units.show(before_mm, 'mm', 4)}", off=off), width)
+    return wrap_line(text(f"align_page.{word}", radius=f"R {text.units.show(before_mm, 'mm', 4)}", off=off), width)
 
 
-def force_range(question: Question) -> tuple[float, float]:
+def force_range(question: EntryContext) -> tuple[float, float]:
     """Return what may be typed: up to the chuck's own maximum, as force or as torque."""
     most_n = question.machine.chuck.max_force_n
-    if question.asked is Asked.FORCE:
+    if question.asked is EntryKind.FORCE:
         return 0.0, most_n
     wrench = holding_of(question.machine).wrench
     most = None if wrench is None else torque_or_none_n_m(wrench, most_n)
     return 0.0, _LARGEST_TORQUE_N_M if most is None else most
 
 
-def force_answer(question: Question) -> Answer:
+def force_answer(question: EntryContext) -> EntryValue:
     """Return the typed torque (N m) or force (N)."""
     return number_of(question, str(question.asked), *force_range(question), decimals=1)
 
 
-def force_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
+def force_lines(text: Catalogue, question: EntryContext, width: int) -> list[Line]:
     """Return the panel: the job's force, its window, and what the entry comes to; nothing is changed by it."""
     holding, job = holding_of(question.machine), question.job
     rows: list[Line] = [entry_row(text(f"align_page.{question.asked}"), question)]
@@ -111,12 +111,12 @@ def force_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
         line(dim(text("align_page.force_most", most=ends["most"]))),
     ]
     if wrench is None:
-        return [*rows, *wrapped(text("align_page.no_wrench"), width, Token.WARNING)]
+        return [*rows, *wrap_line(text("align_page.no_wrench"), width, Token.WARNING)]
     answer = force_answer(question)
     if answer.value is None or answer.problems:
         return [*rows, BLANK]
     force_n = answer.value
-    if question.asked is Asked.TORQUE:
+    if question.asked is EntryKind.TORQUE:
         force_n = wrench.offset_n + wrench.force_per_torque_n_per_n_m * answer.value
     return [*rows, BLANK, *_torque_lines(text, holding, wrench, span, force_n, width)]
 
@@ -126,13 +126,13 @@ def _torque_lines(
 ) -> list[Line]:
     torque = torque_or_none_n_m(wrench, force_n)
     if torque is None:
-        return wrapped(text("align_page.no_torque", force=f"{force_n:.0f} N"), width, Token.WARNING)
+        return wrap_line(text("align_page.no_torque", force=f"{force_n:.0f} N"), width, Token.WARNING)
     scatter_n = ((force_n * holding.force_sd_fraction) ** 2 + wrench.line_sd_n(torque) ** 2) ** 0.5
     stands = span.stands(force_n)
-    mark: Piece = ("✓ ", Token.OK) if stands is Stands.INSIDE else ("! ", Token.WARNING)
+    mark: Piece = ("✓ ", Token.OK) if stands is ForcePosition.INSIDE else ("! ", Token.WARNING)
     return [
         line(("→ ", Token.OK), (f"{torque:.2f} N m = {force_n:.0f} N", Token.STRONG), dim(f" ±{scatter_n:.0f} N")),
-        *[(mark, *rest) for rest in wrapped(text(f"align_page.stands_{stands}"), width - 2)],
+        *[(mark, *rest) for rest in wrap_line(text(f"align_page.stands_{stands}"), width - 2)],
     ]
 
 
@@ -142,24 +142,24 @@ def _with_torque(wrench: Wrench | None, force_n: float) -> str:
     return f"{force_n:.0f} N" if torque is None else f"{force_n:.0f} N ({torque:.1f} N m)"
 
 
-def target_answer(question: Question) -> Answer:
+def target_answer(question: EntryContext) -> EntryValue:
     """Return how the entry is understood; nothing typed is no problem yet."""
     if not question.typed.strip():
-        return Answer()
+        return EntryValue()
     axis = AXES[question.asked]
     low, high = target_range(question.machine, axis)
     try:
         unit = UNITS[question.asked]
         value = typed_length(question.typed, axis, range_words(question, low, high), unit, question.units)
     except ProfileError as error:
-        return Answer(problems=tuple(error.problems))
+        return EntryValue(problems=tuple(error.problems))
     if question.state.snapshot is None:
-        return Answer(value=value, problems=(Problem(code="screen.nothing_known"),))
+        return EntryValue(value=value, problems=(Problem(code="screen.nothing_known"),))
     against = target_problems(question.state.snapshot, question.machine, question.alignment, axis, value)
-    return Answer(value=value, problems=against)
+    return EntryValue(value=value, problems=against)
 
 
-def target_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
+def target_lines(text: Catalogue, question: EntryContext, width: int) -> list[Line]:
     """Return the panel of an entry: its row, the range, how it is understood."""
     axis, snapshot = AXES[question.asked], question.state.snapshot
     low, high = target_range(question.machine, axis)
@@ -176,8 +176,8 @@ def target_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
     return [*rows, *_target_echo(text, question, snapshot, answer.value, width)]
 
 
-def _position(question: Question, snapshot: Snapshot) -> str:
-    if question.asked is Asked.Z:
+def _position(question: EntryContext, snapshot: Snapshot) -> str:
+    if question.asked is EntryKind.Z:
         return question.units.figure(
             snapshot.carriage.position / question.machine.carriage.counts_per_mm, "mm", 3, "z"
         )
@@ -185,18 +185,20 @@ def _position(question: Question, snapshot: Snapshot) -> str:
     return f"{360.0 * (turns % 1.0):.2f}"
 
 
-def _target_echo(text: Catalogue, question: Question, snapshot: Snapshot, value: float, width: int) -> list[Line]:
+def _target_echo(
+    text: Catalogue, question: EntryContext, snapshot: Snapshot, value: float, width: int
+) -> list[Line]:
     """Return the target as understood, with its way, its time and its speed."""
     axis, machine = AXES[question.asked], question.machine
     distance = distance_to(snapshot, machine, axis, value)
     speed, most = step_speed(machine, axis, distance), setup_speed(axis)
-    decimals, unit = (2, "°") if question.asked is Asked.C else (3, "mm")
+    decimals, unit = (2, "°") if question.asked is EntryKind.C else (3, "mm")
     way = (
         ("forward" if distance >= 0.0 else "backward")
-        if question.asked is Asked.C
+        if question.asked is EntryKind.C
         else ("to_chuck" if distance >= 0.0 else "to_tail")
     )
-    rate, units = "rpm" if question.asked is Asked.C else "mm/s", question.units
+    rate, units = "rpm" if question.asked is EntryKind.C else "mm/s", question.units
     words = text(
         f"align_page.target_{way}",
         way=units.show(abs(distance), unit, decimals),
@@ -204,7 +206,7 @@ def _target_echo(text: Catalogue, question: Question, snapshot: Snapshot, value:
     )
     return [
         line(("→ ", Token.OK), (units.show(value, unit, decimals), Token.STRONG)),
-        *wrapped(words, width),
+        *wrap_line(words, width),
         line(
             dim(
                 text("align_page.target_speed", speed=units.figure(speed, rate, 1), most=units.show(most, rate, 1))
@@ -213,31 +215,31 @@ def _target_echo(text: Catalogue, question: Question, snapshot: Snapshot, value:
     ]
 
 
-def clamp_answer(question: Question) -> Answer:
+def clamp_answer(question: EntryContext) -> EntryValue:
     """Return how the entry is understood; nothing typed is no problem yet."""
-    if question.asked is Asked.INDICATED:
-        return Answer()
-    if question.asked is Asked.READING:
+    if question.asked is EntryKind.INDICATED:
+        return EntryValue()
+    if question.asked is EntryKind.READING:
         return number_of(question, "indicator_um", -MOST_TYPED_UM, MOST_TYPED_UM, decimals=0)
     least, _ = _least_places(question)
     answer = number_of(question, "places", least, MOST_TYPED, decimals=0)
     if answer.value is not None and not answer.problems and answer.value != round(answer.value):
         limit = f"{least}, {least + 1} … {MOST_TYPED}"
-        return Answer(
+        return EntryValue(
             value=answer.value,
             problems=(Problem(code="screen.number_out_of_range", value=question.typed, limit=limit),),
         )
     return answer
 
 
-def clamp_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
+def clamp_lines(text: Catalogue, question: EntryContext, width: int) -> list[Line]:
     """Return the panel: what to read where, or what the readings show."""
     typing = question.clamp
-    if question.asked is Asked.PLACES:
+    if question.asked is EntryKind.PLACES:
         low, both = _least_places(question)
         advice = text("align_page.clamp_places", low=low, high=MOST_TYPED, both=both)
-        return [entry_row(text("align_page.places"), question), *wrapped(advice, width, Token.DIM)]
-    if question.asked is Asked.INDICATED:
+        return [entry_row(text("align_page.places"), question), *wrap_line(advice, width, Token.DIM)]
+    if question.asked is EntryKind.INDICATED:
         return _deflection_lines(text, question, width)
     state = text("align_page.full_force" if typing.full else "align_page.finger_tight")
     where = text("align_page.clamp_place", place=typing.place + 1, of=typing.places, angle=f"{typing.angle_deg:g}")
@@ -256,7 +258,7 @@ def clamp_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
     return [*rows, *_simulated_reading(text, question)]
 
 
-def _least_places(question: Question) -> tuple[int, int]:
+def _least_places(question: EntryContext) -> tuple[int, int]:
     """Return how many places show the height of the lobe, and how many its angle, too."""
     from profiles.fingerprint.deflection import places_needed
 
@@ -264,7 +266,7 @@ def _least_places(question: Question) -> tuple[int, int]:
     return places_needed(lobes), max(LEAST_PLACES, 2 * lobes + 1)
 
 
-def _simulated_reading(text: Catalogue, question: Question) -> list[Line]:
+def _simulated_reading(text: Catalogue, question: EntryContext) -> list[Line]:
     """Return what the indicator of the simulated lathe reads there."""
     found, typing = question.state.indicated, question.clamp
     if found is None or len(found.angle_deg) != typing.places:
@@ -278,7 +280,7 @@ def _simulated_reading(text: Catalogue, question: Question) -> list[Line]:
     ]
 
 
-def _deflection_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
+def _deflection_lines(text: Catalogue, question: EntryContext, width: int) -> list[Line]:
     """Return the deflection that all readings show, with its confidence, or why they show none."""
     from console.session.learning.fingerprint import expected_of
     from profiles.fingerprint.deflection import deflection_of
@@ -293,7 +295,7 @@ def _deflection_lines(text: Catalogue, question: Question, width: int) -> list[L
         shown, unlikely = deflection_of(readings, job), expected_of(readings, job, question.machine)
     except ProfileError as refused:
         said = [text.problem(each) for each in refused.problems]
-        return [*rows, *(row for each in said for row in wrapped(each, width, Token.WARNING))]
+        return [*rows, *(row for each in said for row in wrap_line(each, width, Token.WARNING))]
     lobe = 2.0 * abs(shown.coefficients_um[job.jaws])
     limit = 2.0 * shown.limit_um(job.jaws)
     words = text(
@@ -301,31 +303,31 @@ def _deflection_lines(text: Catalogue, question: Question, width: int) -> list[L
     )
     rows.append(line(("→ ", Token.OK), (words, Token.STRONG)))
     if shown.upright:
-        rows += wrapped(text("align_page.clamp_upright"), width, Token.DIM)
-    return [*rows, *(row for each in unlikely for row in wrapped(text.problem(each), width, Token.WARNING))]
+        rows += wrap_line(text("align_page.clamp_upright"), width, Token.DIM)
+    return [*rows, *(row for each in unlikely for row in wrap_line(text.problem(each), width, Token.WARNING))]
 
 
-def answered(question: Question) -> Answer:
+def interpret_entry(question: EntryContext) -> EntryValue:
     """Return how the entry is understood; nothing typed is no problem yet."""
     if question.asked in AXES:
         return target_answer(question)
     if question.asked in CLAMPING:
         return clamp_answer(question)
-    return diameter_answer(question) if question.asked is Asked.DIAMETER else force_answer(question)
+    return diameter_answer(question) if question.asked is EntryKind.DIAMETER else force_answer(question)
 
 
-def asked_title(text: Catalogue, asked: Asked) -> str:
+def asked_title(text: Catalogue, asked: EntryKind) -> str:
     """Return the title of the panel of an entry."""
     return text(f"align_page.asked.{asked}")
 
 
-def asked_lines(text: Catalogue, question: Question, width: int, height: int | None) -> list[Line]:
+def asked_lines(text: Catalogue, question: EntryContext, width: int, height: int | None) -> list[Line]:
     """Return the panel of an entry; what is against it comes before what to press."""
-    of_force = question.asked in (Asked.TORQUE, Asked.FORCE)
+    of_force = question.asked in (EntryKind.TORQUE, EntryKind.FORCE)
     lines = target_lines if question.asked in AXES else force_lines if of_force else diameter_lines
     lines = clamp_lines if question.asked in CLAMPING else lines
     rows, keys = lines(text, question, width), "target" if question.asked in AXES else question.asked
-    for problem in answered(question).problems:
-        rows += hanging(("✗ ", Token.WARNING), text.problem(named(problem, text)), width)
-    hint = wrapped(text(f"align_page.{keys}_keys"), width, Token.DIM)
+    for problem in interpret_entry(question).problems:
+        rows += hanging(("✗ ", Token.WARNING), text.problem(name_field(problem, text)), width)
+    hint = wrap_line(text(f"align_page.{keys}_keys"), width, Token.DIM)
     return first_fitting(height, text("panel.more"), [*rows, BLANK, *hint], [*rows, *hint])

@@ -8,19 +8,27 @@ from __future__ import annotations
 from console.session.station.commands import Indicate, NoteSkim, TakeFingerprint, TakeTouchOff
 from console.session.station.state import StationState
 from console.tui.align.align_jog import JOGS, JogKeys
-from console.tui.align.answers import answered
-from console.tui.align.asked import AXES, CLAMPING, ENTRY_WIDTH, Answer, Asked, ClampTyping, Question
+from console.tui.align.answers import interpret_entry
+from console.tui.align.entry_context import (
+    AXES,
+    CLAMPING,
+    ENTRY_WIDTH,
+    ClampTyping,
+    EntryContext,
+    EntryKind,
+    EntryValue,
+)
 from console.tui.entry import EntryLine
 from console.tui.ui_context import KEYS, UiContext, View, refusal
 from profiles.problem import Problem
 
-TARGETS, FORCES, DIAMETER = (Asked.Z, Asked.C), (Asked.TORQUE, Asked.FORCE), (Asked.DIAMETER,)
+TARGETS, FORCES, DIAMETER = (EntryKind.Z, EntryKind.C), (EntryKind.TORQUE, EntryKind.FORCE), (EntryKind.DIAMETER,)
 """What one key asks for, one after the other."""
 
 _NOTHING_TYPED = {
-    Asked.DIAMETER: Problem(code="screen.no_diameter"),
-    Asked.PLACES: Problem(code="screen.no_places"),
-    Asked.READING: Problem(code="screen.no_reading"),
+    EntryKind.DIAMETER: Problem(code="screen.no_diameter"),
+    EntryKind.PLACES: Problem(code="screen.no_places"),
+    EntryKind.READING: Problem(code="screen.no_reading"),
 }
 _NOT_MEANWHILE = (*JOGS, "align.step")
 """Keys that would move something else while a number is typed."""
@@ -30,15 +38,15 @@ _CAP_CHARACTERS = 12
 
 
 class AlignEntry(EntryLine):
-    """One number; `asked` says which."""
+    """One number; `entry_kind` says which."""
 
     DEFAULT_CSS = f"AlignEntry {{ width: {ENTRY_WIDTH}; }}"
 
     def __init__(self) -> None:
         super().__init__(id="align-entry", cap_characters=_CAP_CHARACTERS)
-        self.asked = Asked.NOTHING
+        self.asked = EntryKind.NOTHING
 
-    def open(self, asked: Asked) -> None:
+    def open(self, asked: EntryKind) -> None:
         """Ask for a number."""
         self.asked = asked
         self.begin()
@@ -46,7 +54,7 @@ class AlignEntry(EntryLine):
     def close(self) -> str:
         """Ask for nothing more; what was typed is forgotten."""
         typed = super().close()
-        self.asked, self.value = Asked.NOTHING, ""
+        self.asked, self.value = EntryKind.NOTHING, ""
         return typed
 
 
@@ -58,18 +66,18 @@ class AskKeys:
         self._clamp = ClampTyping()
 
     @property
-    def asked(self) -> Asked:
+    def entry_kind(self) -> EntryKind:
         """What is asked for now."""
         return self._entry.asked
 
     @property
     def is_open(self) -> bool:
         """Whether a number is asked for."""
-        return self._entry.asked is not Asked.NOTHING
+        return self._entry.asked is not EntryKind.NOTHING
 
-    def question(self, view: View) -> Question:
+    def question(self, view: View) -> EntryContext:
         """Return what the entry is judged by."""
-        return Question(
+        return EntryContext(
             asked=self._entry.asked,
             typed=self._entry.value,
             state=view.state,
@@ -85,7 +93,7 @@ class AskKeys:
         at = "" if clamping is None else clamping.at
         if at != self._clamp.at:  # what was typed is of a clamping that is no more
             self._clamp = ClampTyping(at=at)
-            if self.asked in CLAMPING:
+            if self.entry_kind in CLAMPING:
                 self.close()
         if self.is_open and refusal(state, "align.goto"):
             self.close()
@@ -95,9 +103,9 @@ class AskKeys:
         """Close the entry."""
         self._entry.close()
 
-    def step(self, order: tuple[Asked, ...]) -> None:
+    def step(self, order: tuple[EntryKind, ...]) -> None:
         """Ask for the first of these, then for the next one, then for nothing."""
-        place = order.index(self.asked) + 1 if self.asked in order else 0
+        place = order.index(self.entry_kind) + 1 if self.entry_kind in order else 0
         if place < len(order):
             self._entry.open(order[place])
         else:
@@ -108,57 +116,59 @@ class AskKeys:
         if action == "align.go":
             return self._against_go(view)
         if self.is_open and action in _NOT_MEANWHILE:
-            closing = KEYS["align.clamping" if self.asked in CLAMPING else "align.goto"]
+            closing = KEYS["align.clamping" if self.entry_kind in CLAMPING else "align.goto"]
             return (Problem(code="screen.entry_open", key=KEYS[action], value=closing),)
         if not self.is_open or action != "align.take":
             return ()
-        if self.asked in TARGETS:
+        if self.entry_kind in TARGETS:
             return (Problem(code="screen.f6_goes"),)
         answer = self._answer(view)
-        if answer.value is None and not answer.problems and self.asked in _NOTHING_TYPED:
-            return (_NOTHING_TYPED[self.asked],)
+        if answer.value is None and not answer.problems and self.entry_kind in _NOTHING_TYPED:
+            return (_NOTHING_TYPED[self.entry_kind],)
         return answer.problems
 
     def take(self, view: View) -> None:
         """Take the diameter of a skim cut; a torque or a force was only asked for. Nothing moves."""
-        asked, answer = self.asked, self._answer(view)
+        asked, answer = self.entry_kind, self._answer(view)
         if asked in CLAMPING:
             self._take_clamp(view, answer.value)
             return
         self.close()
-        if asked is Asked.DIAMETER and answer.value is not None:
+        if asked is EntryKind.DIAMETER and answer.value is not None:
             self.ui.control.post(TakeTouchOff(radius_mm=answer.value / 2.0, skimmed=True))
 
     def clamp(self) -> None:
         """Ask for the readings of an indicator on the part, from where they were left; or close the entry."""
-        if self.asked in CLAMPING:
+        if self.entry_kind in CLAMPING:
             self.close()
         else:
             self._ask_clamp()
 
     def drop(self) -> bool:
         """Drop the last reading that was typed, if readings are asked for; return whether they are."""
-        if self.asked not in CLAMPING:
+        if self.entry_kind not in CLAMPING:
             return False
-        self._clamp = self._clamp.dropped()
+        self._clamp = self._clamp.drop_last()
         self._ask_clamp()
         return True
 
     def _ask_clamp(self) -> None:
         typing = self._clamp
-        asked = Asked.INDICATED if typing.complete else Asked.READING if typing.places else Asked.PLACES
+        asked = (
+            EntryKind.INDICATED if typing.complete else EntryKind.READING if typing.places else EntryKind.PLACES
+        )
         self._entry.open(asked)
 
     def _take_clamp(self, view: View, value: float | None) -> None:
         """Take a number of places, a reading, or all of them."""
         simulated = view.state.simulated
-        if self.asked is Asked.INDICATED and view.job is not None:
+        if self.entry_kind is EntryKind.INDICATED and view.job is not None:
             readings = self._clamp.readings(simulated=simulated, inch=self.ui.text.units.is_inch)
             self.close()
             self._clamp = ClampTyping(at=self._clamp.at)
             self.ui.control.post(TakeFingerprint(job=view.job, readings=readings))
         elif value is not None:
-            if self.asked is Asked.PLACES and simulated:
+            if self.entry_kind is EntryKind.PLACES and simulated:
                 self.ui.control.post(Indicate(places=round(value)))
             self._clamp = self._clamp.with_value(value)
             self._ask_clamp()
@@ -174,7 +184,7 @@ class AskKeys:
         """Go to the typed target, or show why not."""
         if self.ui.answers(self._against_go(view)):
             return
-        asked, answer = self.asked, self._answer(view)
+        asked, answer = self.entry_kind, self._answer(view)
         self.close()
         if answer.value is not None:
             self._jog.go(AXES[asked], answer.value)
@@ -182,7 +192,7 @@ class AskKeys:
     def _against_go(self, view: View) -> tuple[Problem, ...]:
         if reasons := refusal(view.state, "align.go"):
             return reasons
-        if self.asked not in TARGETS:
+        if self.entry_kind not in TARGETS:
             return (Problem(code="screen.nothing_typed"),)
         answer = self._answer(view)
         if answer.problems:
@@ -191,5 +201,5 @@ class AskKeys:
             return (Problem(code="screen.nothing_typed"),)
         return self._jog.why_not_go(view.state, view.now_s)
 
-    def _answer(self, view: View) -> Answer:
-        return answered(self.question(view))
+    def _answer(self, view: View) -> EntryValue:
+        return interpret_entry(self.question(view))

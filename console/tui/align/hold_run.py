@@ -85,7 +85,7 @@ def overrun(repeat: Repeat, step: float, step_s: float, round_trip_s: float | No
     return Overrun(silent * step, min(released, silent) * step)
 
 
-class Calibration:
+class KeyRepeatCalibration:
     """A key that is held for `CALIBRATION_S`; `measured` is None until then, and where it did not repeat well."""
 
     def __init__(self) -> None:

@@ -31,7 +31,7 @@ class JogPresses:
         self._key, self._sure_at_s = None, None
 
     def press(self, key: str, now_s: float) -> bool:
-        """Note a press; return whether a finger made it. For one that `waits`, `due` decides."""
+        """Note a press; return whether a finger made it. For one that `waits`, `take_due_key` decides."""
         gap_s = now_s - self._pressed_s if key == self._key else math.inf
         self._key, self._pressed_s, self._sure_at_s = key, now_s, None
         self.held = gap_s < REPEAT_S
@@ -48,7 +48,7 @@ class JogPresses:
         """Whether a press waits until it is known to be no repeat."""
         return self._sure_at_s is not None
 
-    def due(self, now_s: float) -> str | None:
+    def take_due_key(self, now_s: float) -> str | None:
         """Return the key of a press that was no repeat, once."""
         if self._sure_at_s is None or now_s < self._sure_at_s:
             return None

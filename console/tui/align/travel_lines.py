@@ -8,7 +8,7 @@ from console.session.station.jogging import Steps, setup_speed, speed_problem, s
 from console.session.station.state import StationState
 from console.session.station.targets import travel_of
 from console.text.catalogue import Catalogue
-from console.tui.lines import NOTHING, Line, Piece, dim, fitted, line, to_the_right
+from console.tui.lines import NOTHING, Line, Piece, dim, fit_text, line, to_the_right
 from console.tui.theme import Token
 from drivers.lathe.snapshot import AxisName
 from profiles.machine import MachineProfile
@@ -32,7 +32,7 @@ def travel_lines(text: Catalogue, state: StationState, machine: MachineProfile, 
     rows = []
     for axis, (before, _, _, after) in ends.items():
         low, high = words[axis]
-        head: Line = ((before, Token.KEY), dim(" " + fitted(low, left) + " "))
+        head: Line = ((before, Token.KEY), dim(" " + fit_text(low, left) + " "))
         tail: Line = (dim(" " + high + " "), (after, Token.KEY), dim(" " * (right - cell_len(high))))
         rows.append((*head, *_bar(state, machine, axis, cells), *tail, _limit(text, state, machine, axis)))
     return rows
@@ -63,7 +63,7 @@ def _limit(text: Catalogue, state: StationState, machine: MachineProfile, axis: 
 
 def speed_line(text: Catalogue, machine: MachineProfile, steps: Steps) -> Line:
     """Return the highest speed of the selected steps, and what set-up allows; a faster one is refused."""
-    speeds = {axis: _figure(step_speed(machine, axis, steps.of(axis))) for axis in AxisName}
+    speeds = {axis: _figure(step_speed(machine, axis, steps.step_length(axis))) for axis in AxisName}
     words = text(
         "align_page.speeds",
         tool=speeds[AxisName.TOOL],
@@ -72,7 +72,7 @@ def speed_line(text: Catalogue, machine: MachineProfile, steps: Steps) -> Line:
         linear=_figure(setup_speed(AxisName.TOOL)),
         turning=_figure(setup_speed(AxisName.SPINDLE)),
     )
-    refused = any(speed_problem(machine, axis, steps.of(axis)) is not None for axis in AxisName)
+    refused = any(speed_problem(machine, axis, steps.step_length(axis)) is not None for axis in AxisName)
     return line(("! " + words, Token.WARNING)) if refused else line(dim(words))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.session.station.alarms import Alarms, Priority, unseen
+from console.session.station.alarms import Alarms, Priority, unacknowledged_alarms
 
 APART_S = 5.0  # a flood rings no more often
 Rung = frozenset[tuple[str, str, int]]
@@ -17,7 +17,7 @@ class Bell:
 
     def rings(self, alarms: Alarms, now_s: float) -> bool:
         """Whether to ring now; `now_s` is of any monotonic clock."""
-        high = (alarm for alarm in unseen(alarms) if alarm.priority is Priority.HIGH)
+        high = (alarm for alarm in unacknowledged_alarms(alarms) if alarm.priority is Priority.HIGH)
         before = self._known
         self._known = frozenset((alarm.problem.code, alarm.problem.key, alarm.count) for alarm in high)
         if not self._known - before or 0.0 <= now_s - self._rung_s < APART_S:

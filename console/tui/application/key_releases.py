@@ -90,7 +90,7 @@ class KeyReleases:
         again = not waits and self.confirmed and now_s - self._asked_s > ASKED_AGAIN_S
         return self._question(now_s) if again else ""
 
-    def answered(self, flags: int, now_s: float) -> bool:
+    def take_answer(self, flags: int, now_s: float) -> bool:
         """Take an answer; return False where nothing was asked."""
         if self._answers >= self._asked:
             return False
@@ -100,7 +100,7 @@ class KeyReleases:
         self._answers += 1
         return True
 
-    def heard(self) -> None:
+    def count_release(self) -> None:
         """Count a release."""
         self.count += 1
 

@@ -25,7 +25,7 @@ from console.text.catalogue import LiveCatalogue
 from console.tui.application.key_releases import KeyReleases
 from console.tui.application.scans import Scans
 from console.tui.driver import KeyFault, Late, Scanned, StopSent, TooFast, WideSigns, Written
-from console.tui.gate import UNCLEAR, FieldKind, Situation, Verdict, is_page, judge
+from console.tui.gate import UNCLEAR, FieldKind, KeyDecision, KeySituation, is_page, judge
 from console.tui.keymap import Action
 from console.tui.layout import is_small
 from console.tui.theme import COLOUR, DARK_THEME, MONO, MONO_THEME, Palette, Token
@@ -89,7 +89,7 @@ class DressedApp(App[None]):
         self.look = LiveLook(palette, appearance)
         # Without colour, Textual must know before it chooses its filters to use the terminal's own colours.
         super().__init__(driver_class=driver_class, ansi_color=True if self.look.mono else None)
-        theme = self._registered(appearance)
+        theme = self._register_theme(appearance)
         if theme is DARK_THEME:  # the style sheet is not read yet: like this it is read once, not once more
             self.set_reactive(App.theme, theme.name)
             self.stylesheet.set_variables(self.get_css_variables())
@@ -99,7 +99,7 @@ class DressedApp(App[None]):
     def dress(self, appearance: Appearance) -> None:
         """Draw everything anew in another appearance."""
         self.look.change(appearance)
-        self.theme = self._registered(appearance).name
+        self.theme = self._register_theme(appearance).name
         for widget in (self.screen, *self.screen.query()):
             widget.notify_style_update()
             widget.refresh()
@@ -122,7 +122,7 @@ class DressedApp(App[None]):
         releases: KeyReleases | None = getattr(self._driver, "releases", None)
         return releases
 
-    def _registered(self, appearance: Appearance) -> Theme:
+    def _register_theme(self, appearance: Appearance) -> Theme:
         theme = self.look.theme(appearance)
         if theme.name not in self.available_themes:
             self.register_theme(theme)
@@ -167,7 +167,7 @@ class ListeningApp(LeavingApp):
         """Show the newest state."""
         raise NotImplementedError
 
-    def situation(self) -> Situation:
+    def situation(self) -> KeySituation:
         """Return what a key is judged by now."""
         raise NotImplementedError
 
@@ -175,7 +175,7 @@ class ListeningApp(LeavingApp):
         """Run an operation of one page. Its faults stay its own."""
         raise NotImplementedError
 
-    def took(self, event: events.Key) -> bool:
+    def perform_key(self, event: events.Key) -> bool:
         """Perform the action of a key; False when the key belongs to the focused field."""
         raise NotImplementedError
 
@@ -183,7 +183,7 @@ class ListeningApp(LeavingApp):
         """Take back what the page in front was enabled or armed for."""
         raise NotImplementedError
 
-    def pointed(self, event: events.MouseEvent) -> None:
+    def perform_click(self, event: events.MouseEvent) -> None:
         """Do what a click or the wheel asks for."""
         raise NotImplementedError
 
@@ -198,16 +198,16 @@ class ListeningApp(LeavingApp):
             if age_s > OLD_S and self._obeys(event):  # it waited for a screen that was held up
                 self.on_late(Late(age_s))
                 return
-            if self.took(event):
+            if self.perform_key(event):
                 if event.key in UNCLEAR:
                     self.ui.say(UNCLEAR[event.key])
                 return
         elif isinstance(event, events.Paste) and not (event.is_forwarded or self._takes_text):
-            self.scans.pasted(moving=self.situation().moving)
+            self.scans.refuse_paste(moving=self.situation().moving)
             self.call_after_refresh(self.tick)
             return
         elif isinstance(event, events.MouseEvent):
-            self.pointed(event)
+            self.perform_click(event)
             self.call_after_refresh(self.tick)
             return
         await super().on_event(event)
@@ -215,7 +215,7 @@ class ListeningApp(LeavingApp):
     def _obeys(self, event: events.Key) -> bool:
         """Whether a key is an order that is no stop."""
         verdict = judge(event.key, event.character, self.situation())[0]
-        return verdict is Verdict.ACTION and not isinstance(event, Written)
+        return verdict is KeyDecision.ACTION and not isinstance(event, Written)
 
     @property
     def _takes_text(self) -> bool:
@@ -243,7 +243,7 @@ class ListeningApp(LeavingApp):
 
     def say_slow_line(self, age: InputAge | None) -> None:
         """Say that the terminal answers slowly, while there is nothing else to say."""
-        if age is not None and age.is_slow and not self.ui.said:
+        if age is not None and age.is_slow and not self.ui.key_answer:
             value, limit = f"{age.round_trip_s:.1f} s", f"{SLOW_S:g} s"
             self.ui.say_until_key(Problem(code="screen.line_slow", value=value, limit=limit))
 

@@ -48,7 +48,7 @@ class LoggedControl(PassingControl):
         """Add an entry that is no command of the operator."""
         self._posted.append(entry)
 
-    def followed(self, state: StationState, said: tuple[Problem, ...], *, typed: bool) -> SessionLog:
+    def follow_state(self, state: StationState, said: tuple[Problem, ...], *, typed: bool) -> SessionLog:
         """Return the log up to this state and answer (`with_state`)."""
         if self._posted:
             waiting = [self._posted.popleft() for _ in range(len(self._posted))]

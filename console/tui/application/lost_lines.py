@@ -28,14 +28,14 @@ def lost_step(text: Catalogue, state: StationState) -> str:
             return text("frame.lost")
         if lost is None or not (state.controller or lost.for_ever):
             return text("frame.never_answered", attempts=0 if lost is None else lost.attempts)
-        return _lost(text, lost)
+        return _describe_lost_link(text, lost)
     if lost is None or lost.back_s is None:
         return ""
     if is_watched(state):
         return text("lost_link.watching", age=_age(lost))
     if not lost.validity:
         return ""
-    valid, void = (_named(text, lost, holds=holds) for holds in (True, False))
+    valid, void = (_name_stamps(text, lost, holds=holds) for holds in (True, False))
     if lost.returned:
         return text("lost_link.returned", name=lost.returned, valid=valid, void=void)
     key = "lost_link.back" if state.controls else "lost_link.observing"
@@ -82,7 +82,7 @@ def lost_rows(text: Catalogue, state: StationState, width: int) -> list[Line]:
     rows = [BLANK, line((title, Token.TITLE))]
     for each in lost.validity:
         mark, token = ("✓ ", Token.TEXT) if each.holds else ("✗ ", Token.WARNING)
-        rows += hanging((mark, token), _why(text, each), width, token)
+        rows += hanging((mark, token), _describe_validity(text, each), width, token)
     return rows
 
 
@@ -95,7 +95,7 @@ def _is_gone(state: StationState) -> bool:
     return any(alarm.active and alarm.problem.code in GONE for alarm in state.alarms)
 
 
-def _lost(text: Catalogue, lost: LostLink) -> str:
+def _describe_lost_link(text: Catalogue, lost: LostLink) -> str:
     if lost.returned and not lost.for_ever:
         return text("lost_link.returning")
     if lost.for_ever:
@@ -103,11 +103,11 @@ def _lost(text: Catalogue, lost: LostLink) -> str:
     return text("lost_link.silent") if lost.silent else text("lost_link.trying", attempts=lost.attempts)
 
 
-def _named(text: Catalogue, lost: LostLink, *, holds: bool) -> str:
+def _name_stamps(text: Catalogue, lost: LostLink, *, holds: bool) -> str:
     return ", ".join(text(f"stamp.{each.stamp}") for each in lost.validity if each.holds is holds) or NONE
 
 
-def _why(text: Catalogue, each: Validity) -> str:
+def _describe_validity(text: Catalogue, each: Validity) -> str:
     return text(f"validity.{each.why}", stamp=text(f"stamp.{each.stamp}"), value=each.value)
 
 

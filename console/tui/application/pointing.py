@@ -12,7 +12,7 @@ from rich.cells import cell_len
 from textual import events
 from textual.screen import Screen
 
-from console.tui.gate import FieldKind, Situation
+from console.tui.gate import FieldKind, KeySituation
 from console.tui.keymap import DIGITS, READING, Action, action_of
 from console.tui.lines import Line, Sheet
 from console.tui.page import Page
@@ -21,7 +21,7 @@ LEFT_BUTTON = 1
 WHEEL: dict[type[events.Event], str] = {events.MouseScrollUp: "up", events.MouseScrollDown: "down"}
 
 
-def wheel_action(event: events.Event, now: Situation) -> Action | None:
+def wheel_action(event: events.Event, now: KeySituation) -> Action | None:
     """Return the action of an arrow key that the wheel does: to scroll or choose, never to move or confirm."""
     key = WHEEL.get(type(event))
     if key is None:
@@ -44,7 +44,7 @@ def page_at(row: Line, column: int) -> str:
 
 
 def point(
-    event: events.Event, screen: Screen[object], page: Page, now: Situation, press: Callable[[Action], None]
+    event: events.Event, screen: Screen[object], page: Page, now: KeySituation, press: Callable[[Action], None]
 ) -> None:
     """Do what a click or the wheel asks for, where nothing moves and nothing is being typed."""
     if now.moving or now.small or not now.at_rest or now.field is not FieldKind.NONE:

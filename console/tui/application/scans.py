@@ -55,7 +55,7 @@ def job_named(text: str) -> str | None:
     return None
 
 
-def found(entries: Sequence[LibraryEntry], name: str) -> LibraryEntry | Problem:
+def find_job(entries: Sequence[LibraryEntry], name: str) -> LibraryEntry | Problem:
     """Return the job of this name, or why there is none: written in exactly this way, else in whatever case."""
     exact = [entry for entry in entries if entry.name == name]
     if exact:
@@ -64,10 +64,10 @@ def found(entries: Sequence[LibraryEntry], name: str) -> LibraryEntry | Problem:
     alike = [entry for entry in entries if entry.name.casefold() in names]
     if len(alike) == 1:
         return alike[0]
-    return Problem(code="screen.scanned_several" if alike else "screen.scanned_no_job", value=shown(name))
+    return Problem(code="screen.scanned_several" if alike else "screen.scanned_no_job", value=printable_code(name))
 
 
-def shown(text: str) -> str:
+def printable_code(text: str) -> str:
     """Return a code as it is shown: what could control a terminal is escaped, what is long shortened."""
     safe = printable(text)
     return safe if len(safe) <= LONGEST else f"{safe[: LONGEST - 1]}…"
@@ -79,7 +79,7 @@ class Scans:
     def __init__(self, ui: UiContext, jobs: Callable[[], Page]) -> None:
         self._ui, self._jobs = ui, jobs
 
-    def pasted(self, *, moving: bool) -> None:
+    def refuse_paste(self, *, moving: bool) -> None:
         """Say that pasted text does nothing outside an entry; it was not typed, and stops any motion."""
         self._ui.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
         if moving:
@@ -102,7 +102,7 @@ class Scans:
             self.too_fast(written=True, stopped=scan.stopped)
         elif scan.stopped or small or name is None:
             code = "screen.scanned_stopped" if scan.stopped else "screen.scanned"
-            self._ui.say_until_key(Problem(code=code, value=shown(scan.text)))
+            self._ui.say_until_key(Problem(code=code, value=printable_code(scan.text)))
         else:
-            self._ui.said = ()
+            self._ui.key_answer = ()
             self._jobs().open_named(name)

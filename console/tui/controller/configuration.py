@@ -10,10 +10,10 @@ from console.session.time_left import fraction_done, seconds_left
 from console.text.catalogue import Catalogue
 from console.text.checks import MARKS
 from console.tui.controller.errand import Errand
-from console.tui.lines import BLANK, Line, dim, hanging, line, wrapped
+from console.tui.lines import BLANK, Line, dim, hanging, line, wrap_line
 from console.tui.theme import Token
 from drivers.commissioning.reading import expected_work, whole_card, work_done
-from drivers.requests.permitted import Kind
+from drivers.requests.permitted_lines import RequestKind
 from drivers.requests.side_controller import SideController
 from drivers.requests.side_line import SideLine
 from profiles.files import printable
@@ -25,7 +25,7 @@ SHOWN = 12  # digits of a hash that are shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Listed:
+class FindingRow:
     """A finding as its group, mark and sentence."""
 
     group: str
@@ -42,7 +42,7 @@ class Result:
     path: Path | None = None
     sha256: str = ""
     held: int = 0
-    listed: tuple[Listed, ...] = ()
+    listed: tuple[FindingRow, ...] = ()
 
 
 class ConfigurationReader:
@@ -53,7 +53,7 @@ class ConfigurationReader:
     ) -> None:
         self._side, self._loaded, self._data, self._text = side, machine, data, text
         self._simulated = simulated
-        self.client = SideController(side, Kind.LISTING)
+        self.client = SideController(side, RequestKind.LISTING)
 
     @property
     def _machine(self) -> MachineProfile:
@@ -74,7 +74,7 @@ class ConfigurationReader:
 
     def verify(self) -> Result:
         """Judge the controller by its profile and the rules of commissioning, as `console controller verify`."""
-        from console.session.tuning.explained import explained_checks
+        from console.session.tuning.trial_checks import explained_checks
         from console.text.checks import check_fields, summary_line
         from drivers.commissioning.verification import in_order, verify
 
@@ -85,7 +85,7 @@ class ConfigurationReader:
         checks = in_order([*verified.checks, *trial])
         unmet = [check for check in checks if check.severity is not Severity.OK]
         listed = tuple(
-            Listed(group=check.group, severity=check.severity, sentence=str(fields["text"]))
+            FindingRow(group=check.group, severity=check.severity, sentence=str(fields["text"]))
             for check, fields in zip(unmet, check_fields(unmet, self._text), strict=True)
         )
         heading = summary_line(checks, self._text)
@@ -98,7 +98,7 @@ class ConfigurationReader:
         with self._side.working(reading=True):
             compared = compare_backup(self.client, self.client.dialect, self._machine, path)
         listed = tuple(
-            Listed(group=check.group, severity=check.severity, sentence=str(fields["text"]))
+            FindingRow(group=check.group, severity=check.severity, sentence=str(fields["text"]))
             for check, fields in zip(compared.checks, check_fields(compared.checks, self._text), strict=True)
         )
         key = "configuration.differs_from" if listed else "configuration.no_difference"
@@ -108,24 +108,24 @@ class ConfigurationReader:
 
 def doing_lines(action: str, errand: Errand[Result], side: SideLine, text: Catalogue, width: int) -> list[Line]:
     """Return what is being read, how far it is, and how long it takes yet where the whole controller is read."""
-    rows = wrapped(text(f"controller_page.doing.{action}", count=errand.requests), width, Token.ACTION)
+    rows = wrap_line(text(f"controller_page.doing.{action}", count=errand.requests), width, Token.ACTION)
     if action == "verify":
         return rows
-    done = work_done(errand.requests, errand.answered)
+    done = work_done(errand.requests, errand.answered_lines)
     fraction = fraction_done(done, expected_work(side.dialect, whole_card(side.dialect)))
     left_s = seconds_left(fraction, errand.elapsed_s)
     if left_s is not None:
         words = text("controller_page.doing.left", percent=f"{100.0 * fraction:.0f}", seconds=f"{left_s:.0f}")
-        rows += wrapped(words, width, Token.ACTION)
+        rows += wrap_line(words, width, Token.ACTION)
     return rows
 
 
 def result_lines(found: Result, text: Catalogue, width: int) -> list[Line]:
     """Return what an action found, as a list."""
     good = not any(each.severity is Severity.REFUSAL for each in found.listed)
-    rows = wrapped(found.heading, width, Token.OK if good else Token.WARNING)
+    rows = wrap_line(found.heading, width, Token.OK if good else Token.WARNING)
     if found.path is not None:
-        rows += wrapped(printable(str(found.path)), width, Token.DIM)
+        rows += wrap_line(printable(str(found.path)), width, Token.DIM)
     if found.sha256:
         rows.append(line(dim(text("controller_page.hash", value=found.sha256[:SHOWN]))))
     group = ""
@@ -141,7 +141,7 @@ def result_lines(found: Result, text: Catalogue, width: int) -> list[Line]:
 def backup_lines(paths: tuple[Path, ...], chosen: int, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the backups of this machine around the selected one, newest first."""
     if not paths:
-        return wrapped(text("controller_page.no_backups"), width, Token.DIM)
+        return wrap_line(text("controller_page.no_backups"), width, Token.DIM)
     first = max(min(chosen - height // 2, len(paths) - height), 0)
     rows = []
     for place, path in enumerate(paths[first : first + height], start=first):

@@ -40,7 +40,7 @@ class Errand(Generic[Found]):
         return 0 if self._client is None else self._client.requests_sent
 
     @property
-    def answered(self) -> int:
+    def answered_lines(self) -> int:
         """The lines of data that were answered to them."""
         return 0 if self._client is None else self._client.reply_lines
 

@@ -9,9 +9,9 @@ from console.tui.controller.errand import Errand
 from console.tui.lines import Line, dim, hanging, line
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
-from drivers.requests.permitted import Kind, Permission, permission
+from drivers.requests.permitted_lines import Permission, RequestKind, permission
 from drivers.requests.side_controller import SideController
-from drivers.requests.side_line import FAILED, LISTING_S, RECEIVED, REST_TIMEOUT_S, SENT, STOP, Spoken
+from drivers.requests.side_line import FAILED, LISTING_S, RECEIVED, REST_TIMEOUT_S, SENT, STOP, TrafficLine
 from profiles.problem import Problem
 
 FAR = 1_000_000
@@ -20,11 +20,11 @@ _TIME = 9  # columns
 _TOKENS = {SENT: Token.STRONG, RECEIVED: Token.TEXT, STOP: Token.WARNING, FAILED: Token.WARNING}
 
 
-def spoken_lines(spoken: Sequence[Spoken], began_s: float, width: int, most: int) -> list[Line]:
+def spoken_lines(spoken: Sequence[TrafficLine], began_s: float, width: int, most: int) -> list[Line]:
     """Return the newest `most` lines, oldest first; times in s from `began_s`."""
     rows: list[Line] = []
     for each in reversed(spoken):
-        if not shown(each):  # what a resynchronisation has thrown away
+        if not format_line(each):  # what a resynchronisation has thrown away
             continue
         rows = [*_lines(each, began_s, width), *rows]
         if len(rows) >= most:
@@ -32,25 +32,25 @@ def spoken_lines(spoken: Sequence[Spoken], began_s: float, width: int, most: int
     return rows[-most:] if most > 0 else []
 
 
-def _lines(each: Spoken, began_s: float, width: int) -> list[Line]:
+def _lines(each: TrafficLine, began_s: float, width: int) -> list[Line]:
     time = f"{each.at_s - began_s:{_TIME - 1}.2f} "
     refused = each.mark == RECEIVED and BELL in each.text
     token = Token.WARNING if refused else Token.DIM if each.poll else _TOKENS.get(each.mark, Token.TEXT)
     mark = dim((time if each.mark != RECEIVED else " " * _TIME) + f"{each.mark} ")
-    return hanging(mark, shown(each), width, token) or [(mark,)]
+    return hanging(mark, format_line(each), width, token) or [(mark,)]
 
 
-def shown(each: Spoken) -> str:
+def format_line(each: TrafficLine) -> str:
     """Return the characters of a line; data lines of a reply are separated by a bar."""
     if each.mark == RECEIVED:
         body, ack, rest = each.text.partition(ACK)
         values = [part.strip(" \n") for part in body.replace(BELL, "BEL ").split("\r")]
         words = " │ ".join(part for part in values if part)
         return escaped_line(" ".join(part for part in (words, "ACK" if ack else "", rest) if part))
-    return "".join(_named(character) for character in each.text.rstrip("\r"))
+    return "".join(_name_character(character) for character in each.text.rstrip("\r"))
 
 
-def _named(character: str) -> str:
+def _name_character(character: str) -> str:
     code = ord(character)
     return f"^{chr(code + 64)}" if code < 32 else escaped_line(character)
 
@@ -64,7 +64,7 @@ class TerminalView:
         self._errand: Errand[tuple[str, ...]] = Errand()
         self._last, self._taken = "", 0
         self._end: int | None = None
-        self._spoken: tuple[Spoken, ...] = ()
+        self._spoken: tuple[TrafficLine, ...] = ()
         self._newest: tuple[int, bool] = (-1, False)
 
     @property
@@ -93,10 +93,10 @@ class TerminalView:
         if self._ui.answers(reasons):
             return
         client = SideController(side, allowed.kind)
-        timeout_s = LISTING_S if allowed.kind is Kind.LISTING else REST_TIMEOUT_S
+        timeout_s = LISTING_S if allowed.kind is RequestKind.LISTING else REST_TIMEOUT_S
 
         def work() -> tuple[str, ...]:
-            with side.working(reading=allowed.kind is Kind.LISTING):
+            with side.working(reading=allowed.kind is RequestKind.LISTING):
                 return client.request(typed, timeout_s, lines=allowed.lines)
 
         self._end = None
@@ -141,7 +141,7 @@ class TerminalView:
             return
         self._taken = self._errand.ended
         if self._errand.problems:
-            self._ui.said = self._errand.problems
+            self._ui.key_answer = self._errand.problems
 
     def lines(self, width: int, height: int | None) -> list[Line]:
         """Return the lines that fit; without a height the newest hundreds."""
@@ -150,7 +150,7 @@ class TerminalView:
             return [line(dim(self._ui.text("controller_page.no_trace")))]
         newest = side.heard.newest(polls=self.polls), self.polls
         if newest != self._newest:
-            self._newest, self._spoken = newest, side.heard.spoken(polls=self.polls)
+            self._newest, self._spoken = newest, side.heard.list_traffic(polls=self.polls)
         end = self._end
         spoken = self._spoken if end is None else tuple(each for each in self._spoken if each.number <= end)
         return spoken_lines(spoken, side.heard.began_s, width, 500 if height is None else height)
@@ -159,7 +159,7 @@ class TerminalView:
         state = self._ui.control.state
         if self.running:
             return (Problem(code="screen.query_waits"),)
-        if allowed.kind is not Kind.LISTING:
+        if allowed.kind is not RequestKind.LISTING:
             return ()
         if not state.controls:
             return (Problem(code="beside.observer"),)

@@ -16,11 +16,11 @@ from console.text.catalogue import Catalogue
 from console.tui.controller.errand import Errand
 from console.tui.controller.terminal import TerminalView
 from console.tui.controller.watching import WatchTable, watch_lines
-from console.tui.lines import BLANK, NOTHING, Line, dim, fitted, line, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, dim, fit_text, line, wrap_line
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
 from drivers.errors import ControllerError
-from drivers.requests.permitted import Kind
+from drivers.requests.permitted_lines import RequestKind
 from drivers.requests.side_controller import SideController
 from drivers.requests.status_words import StatusBit, StatusWords, read_status
 from profiles.machine import MachineProfile
@@ -116,7 +116,7 @@ def identity_lines(
     values.append((text("controller_page.identity.standing"), standing))
     at = text("controller_page.identity.far", client=client) if client else text("controller_page.identity.here")
     values.append((text("controller_page.identity.terminal"), at))
-    rows = [line(dim(fitted(label, _LABEL)), value) for label, value in values]
+    rows = [line(dim(fit_text(label, _LABEL)), value) for label, value in values]
     return [*rows, BLANK, *commissioned_lines(state, text, width)]
 
 
@@ -127,16 +127,16 @@ def commissioned_lines(state: StationState, text: Catalogue, width: int) -> list
     if settings is None:
         return [*rows, line(dim(text("controller_page.settings.unread")))]
     if settings:
-        rows += wrapped(text("controller_page.settings.differ", count=len(settings)), width, Token.WARNING)
+        rows += wrap_line(text("controller_page.settings.differ", count=len(settings)), width, Token.WARNING)
         for problem in settings:
-            rows += wrapped("· " + text.problem(problem), width)
+            rows += wrap_line("· " + text.problem(problem), width)
     else:
         rows.append(line((text("controller_page.settings.agree"), Token.OK)))
     for problem in state.uncommissioned:
-        rows += wrapped("· " + text.problem(problem), width, Token.WARNING)
+        rows += wrap_line("· " + text.problem(problem), width, Token.WARNING)
     if not state.uncommissioned:
         key = "simulated" if state.simulated else "recorded"
-        rows += wrapped(text(f"controller_page.stops.{key}"), width)
+        rows += wrap_line(text(f"controller_page.stops.{key}"), width)
     return rows
 
 
@@ -195,7 +195,7 @@ def _fits(cell: Cell, width: int) -> bool:
 
 def _pieces(cell: Cell, width: int) -> Line:
     place, words, token = cell
-    return dim("  " + fitted(place, _PLACE - 2)), (fitted(words, max(width - _PLACE, 1)), token)
+    return dim("  " + fit_text(place, _PLACE - 2)), (fit_text(words, max(width - _PLACE, 1)), token)
 
 
 class ControllerViews:
@@ -320,12 +320,12 @@ class ControllerViews:
             return
         if self.view is ViewName.IDENTITY and not self._identity.running and self._identified != state.controller:
             self._identified = state.controller
-            asking = SideController(side, Kind.QUERY)
+            asking = SideController(side, RequestKind.QUERY)
             self._identity.start(asking, lambda: read_identity(asking))
         due = view.now_s - self._asked_s >= STATUS_PERIOD_S
         if ViewName.STATUS in shown and not self._status.running and due:
             self._asked_s = view.now_s
-            client, machine = SideController(side, Kind.QUERY), self.ui.machine.machine
+            client, machine = SideController(side, RequestKind.QUERY), self.ui.machine.machine
             self._status.start(client, lambda: read_status(client, machine, client.dialect))
         if ViewName.WATCH in shown:
             self.watch.load()
@@ -407,7 +407,7 @@ class ControllerViews:
         rows = identity_lines(found, view.state, machine, faults, self.ui.text, width, self.ui.terminal.client)
         result = self._reading.found
         if result is not None and result.sha256:
-            rows += wrapped(self._hash_words(result), width)
+            rows += wrap_line(self._hash_words(result), width)
         return [*rows, *self._problem_lines(self._identity.problems, width)]
 
     def _hash_words(self, result: Result) -> str:
@@ -426,7 +426,7 @@ class ControllerViews:
 
     def _watch_lines(self, view: View, width: int) -> list[Line]:
         rows = watch_lines(self.watch, self.ui.text, view.now_s, width)
-        empty = wrapped(self.ui.text("controller_page.watch.empty"), width, Token.DIM)
+        empty = wrap_line(self.ui.text("controller_page.watch.empty"), width, Token.DIM)
         return [*self._problem_lines(self.watch.problems, width), *(rows or empty)]
 
     def _configuration_lines(self, width: int, height: int | None) -> list[Line]:
@@ -441,10 +441,10 @@ class ControllerViews:
         rows += self._problem_lines(self._reading.problems, width)
         below = [] if found is None or self._reading.problems else result_lines(found, text, width)
         if found is None and not self._reading.problems:
-            below = wrapped(text("controller_page.nothing_read"), width, Token.DIM)
+            below = wrap_line(text("controller_page.nothing_read"), width, Token.DIM)
         if height is None:
             return [*rows, *below]
         return [*rows, *self._window(ViewName.CONFIGURATION, below, max(height - len(rows), 1))]
 
     def _problem_lines(self, problems: tuple[Problem, ...], width: int) -> list[Line]:
-        return [each for p in problems for each in wrapped(self.ui.text.problem(p), width, Token.WARNING)]
+        return [each for p in problems for each in wrap_line(self.ui.text.problem(p), width, Token.WARNING)]

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from console.session.data.kept_files import folder_name, kept, make_folder, there
+from console.session.data.kept_files import folder_name, make_folder, path_exists, read_kept_values
 from console.session.station.state import StationState
 from console.text.catalogue import Catalogue
 from console.tui.controller.errand import Errand
-from console.tui.lines import NOTHING, Line, dim, fitted, line, to_the_right
+from console.tui.lines import NOTHING, Line, dim, fit_text, line, to_the_right
 from console.tui.theme import Token
 from drivers.errors import ControllerError
-from drivers.requests.permitted import Kind, watched
+from drivers.requests.permitted_lines import RequestKind, parse_watch_item
 from drivers.requests.side_controller import SideController
 from drivers.requests.side_line import SideLine
 from profiles.files import printable, write_atomically
@@ -31,7 +31,7 @@ _TITLE = "trilobe watch 1"
 
 
 @dataclass(frozen=True, slots=True)
-class Watched:
+class WatchedItem:
     """One item, its newest value, when that came, and the least and the greatest number so far."""
 
     item: str
@@ -52,9 +52,9 @@ def read_watch(path: Path) -> tuple[str, ...]:
 
     Raises ProfileError: `watch.unreadable`, it is not such a table; or as `read_regular_file`.
     """
-    if not there(path):
+    if not path_exists(path):
         return ()
-    found = kept(path, "watch.unreadable")
+    found = read_kept_values(path, "watch.unreadable")
     items = found.get("items") if isinstance(found, dict) and found.get("schema") == _TITLE else None
     if not isinstance(items, list) or len(items) > MOST or not all(isinstance(each, str) for each in items):
         raise ProfileError(Problem(code="watch.unreadable", where=printable(str(path)), value=_TITLE))
@@ -73,7 +73,7 @@ class WatchTable:
 
     def __init__(self, data: Path, machine: str) -> None:
         self.selected = 0
-        self.rows: tuple[Watched, ...] = ()
+        self.rows: tuple[WatchedItem, ...] = ()
         self.problems: tuple[Problem, ...] = ()
         self._path = watch_path(data, machine)
         self._read = False
@@ -86,7 +86,7 @@ class WatchTable:
         if not self._read:
             self._read = True
             try:
-                self.rows, self._unread = tuple(Watched(item) for item in read_watch(self._path)), ()
+                self.rows, self._unread = tuple(WatchedItem(item) for item in read_watch(self._path)), ()
             except ProfileError as error:
                 self.problems = self._unread = tuple(error.problems)
 
@@ -95,13 +95,13 @@ class WatchTable:
 
         Raises RefusedError: it cannot be watched; ProfileError: `watch.full`, `watch.twice`, or the file.
         """
-        item = watched(typed, side.dialect)
+        item = parse_watch_item(typed, side.dialect)
         self._require_read()
         if any(row.item == item for row in self.rows):
             raise ProfileError(Problem(code="watch.twice", value=item))
         if len(self.rows) >= MOST:
             raise ProfileError(Problem(code="watch.full", limit=f"<= {MOST}"))
-        self._keep((*self.rows, Watched(item)))
+        self._keep((*self.rows, WatchedItem(item)))
         self.selected = len(self.rows) - 1
 
     def remove(self) -> None:
@@ -124,13 +124,13 @@ class WatchTable:
         if self.rows and now_s - self._asked_s >= PERIOD_S:
             self._asked_s = now_s
             slow = state.may_move and state.round_trip_ms > SLOW_LINE_MS
-            items = self._due(1 if slow else A_LINE)
-            client = SideController(side, Kind.QUERY)
+            items = self._due_items(1 if slow else A_LINE)
+            client = SideController(side, RequestKind.QUERY)
             self._errand.start(client, lambda: read_values(client, items))
             if not self._errand.running:
                 self.follow(side, state, now_s)
 
-    def _due(self, most: int) -> tuple[str, ...]:
+    def _due_items(self, most: int) -> tuple[str, ...]:
         rows = [row for row in self.rows if not row.refused]
         if not rows:
             return ()
@@ -141,7 +141,7 @@ class WatchTable:
     def _take(self, now_s: float) -> None:
         self.problems = self._errand.problems
         found = dict(self._errand.found or ()) if not self.problems else {}
-        self.rows = tuple(_with(row, found, now_s) for row in self.rows)
+        self.rows = tuple(_update_item(row, found, now_s) for row in self.rows)
 
     def _require_read(self) -> None:
         """Read again a file that could not be read: what may be in it is not written over."""
@@ -151,7 +151,7 @@ class WatchTable:
         if self._unread:
             raise ProfileError(*self._unread)
 
-    def _keep(self, rows: tuple[Watched, ...]) -> None:
+    def _keep(self, rows: tuple[WatchedItem, ...]) -> None:
         write_watch(self._path, tuple(row.item for row in rows))
         self.rows, self.problems = rows, ()
 
@@ -168,7 +168,7 @@ def read_values(client: SideController, items: Sequence[str]) -> tuple[tuple[str
     return tuple(pair for item in items for pair in read_values(client, (item,)))
 
 
-def _with(row: Watched, found: dict[str, str | None], now_s: float) -> Watched:
+def _update_item(row: WatchedItem, found: dict[str, str | None], now_s: float) -> WatchedItem:
     if row.item not in found:
         return row
     text = found[row.item]
@@ -194,11 +194,11 @@ def watch_lines(table: WatchTable, text: Catalogue, now_s: float, width: int) ->
     head = [text(f"controller_page.watch.{name}") for name in ("item", "value", "least", "most")]
     widths = (_ITEM, _VALUE, _VALUE, _VALUE) if width >= _ITEM + 3 * _VALUE + 2 else (_ITEM, _VALUE)
     titles = (dim(to_the_right(each, _VALUE)) for each in head[1 : len(widths)])
-    rows = [line(dim("  " + fitted(head[0], _ITEM)), *titles)]
+    rows = [line(dim("  " + fit_text(head[0], _ITEM)), *titles)]
     for place, row in enumerate(table.rows):
         chosen = place == table.selected
         mark = ("▶ ", Token.ACTION) if chosen else dim("  ")
-        item = (fitted(row.item, _ITEM), Token.SELECTED if chosen else Token.TEXT)
+        item = (fit_text(row.item, _ITEM), Token.SELECTED if chosen else Token.TEXT)
         if row.refused:
             rows.append(line(mark, item, ("  " + text("controller_page.watch.refused"), Token.WARNING)))
             continue

@@ -12,8 +12,8 @@ from textual.geometry import Size
 from console.session.data.calibrated_chuck import large_step
 from console.session.learning.chuck_calibrating import chuck_calibration, keep_chuck
 from console.session.station.state import StationState
-from console.tui.calibrating.calibration_lines import fit_lines
-from console.tui.calibrating.chuck_facts import (
+from console.tui.calibration.calibration_lines import fit_lines
+from console.tui.calibration.chuck_facts import (
     LOBE,
     ChuckFacts,
     KeptCalibration,
@@ -21,13 +21,13 @@ from console.tui.calibrating.chuck_facts import (
     kept_facts,
     kept_list,
 )
-from console.tui.calibrating.draft import AGAIN, MODULUS, TYPED_OUT, Draft, imported, value_of, written
-from console.tui.calibrating.panels import WIDE, CalibratePanels, Kept
+from console.tui.calibration.draft import AGAIN, MODULUS, TYPED_OUT, Draft, import_points, value_of, write_points
+from console.tui.calibration.panels import WIDE, CalibratePanels, Kept
 from console.tui.further.problem_lines import problem_lines
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
-from console.tui.page import Page, moved, rows_moved
+from console.tui.page import Page, move_selection, rows_moved
 from console.tui.records.background_reader import BackgroundReader, Problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
@@ -83,7 +83,7 @@ class CalibratePage(Page):
 
     def _do(self, action: str) -> None:
         if (by := rows_moved(action, self._list_rows)) is not None:
-            self._selected = moved(self._selected, by, self._count)
+            self._selected = move_selection(self._selected, by, self._count)
         elif action == "calibrate.kind":
             self._kind, self._selected = (self._kind + 1) % len(KINDS), 0
         elif action == "calibrate.view":
@@ -251,7 +251,7 @@ class CalibratePage(Page):
             unit=units.unit(asked.unit),
             number=len(draft.rows) + 1,
         )
-        before = units.short(draft.rows[-1][len(self._partial)], asked.unit) if same else ""
+        before = units.format_short(draft.rows[-1][len(self._partial)], asked.unit) if same else ""
         self._all.ask(asked, before, words)
 
     def _take(self) -> None:
@@ -261,7 +261,7 @@ class CalibratePage(Page):
         if not words:
             self._end_entry()
         elif asked is None:
-            draft = imported(Path(words).expanduser())
+            draft = import_points(Path(words).expanduser())
             self._end_entry()
             self._change(draft)
         elif asked is TYPED_OUT:
@@ -297,7 +297,7 @@ class CalibratePage(Page):
             self._all.ask(TYPED_OUT, "", self.ui.text("calibrate_page.type_out"))
             raise ProfileError(step.problem())
         self._end_entry()
-        file = draft.file or str(written(draft, data, machine.machine.name))
+        file = draft.file or str(write_points(draft, data, machine.machine.name))
         path = keep_chuck(data, chuck_calibration(machine, facts.measured, facts.fit, file), machine, typed)
         self._draft, self._before, self._fitted = None, [], (None, None)
         self._visits += 1

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from console.session.data.health import KeptHealth
 from console.text.catalogue import Catalogue
 from console.tui.further.problem_lines import problem_lines
-from console.tui.lines import Line, dim, fitted, hanging, line, to_the_right, wrapped
+from console.tui.lines import Line, dim, fit_text, hanging, line, to_the_right, wrap_line
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Series, TracePicture
 from console.tui.theme import Token
@@ -27,14 +27,14 @@ def trend_lines(
 ) -> list[Line]:
     """Return one row for each test, the newest first, below the names of the figures."""
     if not tests:
-        return wrapped(text("tune_page.no_tests"), width, Token.DIM)
+        return wrap_line(text("tune_page.no_tests"), width, Token.DIM)
     heads = "".join(to_the_right(text(f"tune_page.trend.{key}"), VALUE_WIDTH) for key in TREND)
-    lines: list[Line] = [line(dim(fitted(f"  {' ' * DATE}{heads}", width)))]
+    lines: list[Line] = [line(dim(fit_text(f"  {' ' * DATE}{heads}", width)))]
     room = max(height - 1, 1)
     first = max(min(selected - room // 2, len(tests) - room), 0)
     for place, test in list(enumerate(tests))[first : first + room]:
         mark = ("▶ ", Token.ACTION) if place == selected else dim("  ")
-        lines.append((mark, (fitted(_trend_row(test, text), max(width - 2, 0)), Token.TEXT)))
+        lines.append((mark, (fit_text(_trend_row(test, text), max(width - 2, 0)), Token.TEXT)))
     return lines
 
 
@@ -44,7 +44,7 @@ def _trend_row(test: KeptHealth, text: Catalogue) -> str:
     found = figures_of(test.result)
     values = (_figure(found, key, text) for key in TREND)
     date = printable(test.result.date.replace("T", " ")[:DATE])
-    return fitted(date, DATE) + "".join(to_the_right(value, VALUE_WIDTH) for value in values)
+    return fit_text(date, DATE) + "".join(to_the_right(value, VALUE_WIDTH) for value in values)
 
 
 def figure_lines(test: KeptHealth | None, before: HealthResult | None, text: Catalogue, width: int) -> list[Line]:
@@ -64,7 +64,7 @@ def figure_lines(test: KeptHealth | None, before: HealthResult | None, text: Cat
         own, *others = (_figure(each, key, text) for each in (found, model, last))
         lines.append(
             line(
-                dim(fitted(text(f"health.{key}"), label)),
+                dim(fit_text(text(f"health.{key}"), label)),
                 to_the_right(own, VALUE_WIDTH),
                 dim("".join(to_the_right(value, VALUE_WIDTH) for value in others)),
             )
@@ -114,7 +114,7 @@ def step_picture(test: HealthResult | None, before: HealthResult | None, units: 
 def kind_lines(kind: str, text: Catalogue, width: int, *, step_um: float) -> list[Line]:
     """Return what a test of this kind does, before one was made."""
     step, way = text.units.show(step_um, "um", 0), text.units.show(CARRIAGE_WAY_MM, "mm", 0)
-    return wrapped(text(f"tune_page.will.{kind}", step=step, way=way), width, Token.DIM)
+    return wrap_line(text(f"tune_page.will.{kind}", step=step, way=way), width, Token.DIM)
 
 
 def armed_lines(kind: str, text: Catalogue, width: int, *, step_um: float, left_s: float) -> list[Line]:

@@ -9,10 +9,10 @@ from pathlib import Path
 from console.session.station.history.session_log import LogEntry, SessionLog
 from console.tui.entry import EntryLine
 from console.tui.further.log_lines import log_part
-from console.tui.further.log_text import export_log, found
+from console.tui.further.log_text import export_log, find_entries
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import Line, Sheet, line, wrapped
+from console.tui.lines import Line, Sheet, line, wrap_line
 from console.tui.page import Page
 from console.tui.records.background_reader import BackgroundReader
 from console.tui.theme import Token
@@ -75,14 +75,14 @@ class LogPage(Page):
         """Show the entries that fit, up to the one that was scrolled to."""
         self._entry.keep_focus()
         self._answer_export()
-        log, size, text = self._shown, self._list.size, self.ui.text
+        log, size, text = self._shown_log, self._list.size, self.ui.text
         end = None if self._end is None else self._end - log.dropped
         part = log_part(log, end, text, max(size.width, 1), size.height - self._entry.is_open)
         self._seen = part.end - part.first
         if self._end is not None and part.end:
             self._end = log.dropped + part.end
         none = self._words and not log.entries
-        rows = wrapped(text("log_page.none_found"), max(size.width, 1), Token.DIM) if none else part.lines
+        rows = wrap_line(text("log_page.none_found"), max(size.width, 1), Token.DIM) if none else part.lines
         above, below = part.first, len(log.entries) - part.end
         hidden = [f"↑ {text('jobs_page.above', count=above)}"] if above > 0 else []
         hidden += [f"↓ {text('jobs_page.below', count=below)}"] if below > 0 else []
@@ -105,14 +105,14 @@ class LogPage(Page):
         self._end = None
 
     @property
-    def _shown(self) -> SessionLog:
+    def _shown_log(self) -> SessionLog:
         """The log, of a search with what it found alone."""
         log = self.ui.log
         if not self._words:
             return log
         asked = (log.entries, self._words, self.ui.text.language)
         if self._found[0] != asked:
-            self._found = asked, found(log.entries, self._words, self.ui.text)
+            self._found = asked, find_entries(log.entries, self._words, self.ui.text)
         return replace(log, entries=self._found[1], dropped=0)
 
     def _title(self, log: SessionLog) -> str:
@@ -126,7 +126,7 @@ class LogPage(Page):
         return f"{title} · {text('alarms_page.log_dropped', count=log.dropped)}" if log.dropped else title
 
     def _scroll(self, action: str) -> None:
-        log = self._shown
+        log = self._shown_log
         newest = log.dropped + len(log.entries)
         by = STEPS.get(action, 0) * (max(self._seen // 2, 1) if "page" in action else 1)  # half: none is skipped
         if action == "log.first":
@@ -150,4 +150,4 @@ class LogPage(Page):
         if isinstance(written, Path):
             self.ui.say("screen.log_exported", value=printable(str(written)))
         else:
-            self.ui.said = tuple(written)
+            self.ui.key_answer = tuple(written)

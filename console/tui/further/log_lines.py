@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from console.session.station.history.session_log import LogEntry, LogKind, SessionLog
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import command_words
-from console.tui.lines import Line, dim, fitted, hanging, wrapped
+from console.tui.lines import Line, dim, fit_text, hanging, wrap_line
 from console.tui.pages.alarm_lines import clock
-from console.tui.pages.fields import named
+from console.tui.pages.fields import name_field
 from console.tui.theme import Token
 
 _TIME, _KIND = 9, 13
@@ -35,7 +35,7 @@ def log_part(log: SessionLog, end: int | None, text: Catalogue, width: int, heig
     """Return the entries up to the place `end` that fit, to the newest without one; cost by what is shown."""
     entries = log.entries
     if not entries:
-        return LogPart(lines=wrapped(text("alarms_page.log_empty"), width, Token.DIM), first=0, end=0)
+        return LogPart(lines=wrap_line(text("alarms_page.log_empty"), width, Token.DIM), first=0, end=0)
     end = len(entries) if end is None else min(max(end, 1), len(entries))
     rows: list[Line] = []
     first = end
@@ -55,13 +55,13 @@ def _entry_lines(entry: LogEntry, text: Catalogue, width: int) -> list[Line]:
     kind = text(f"alarms_page.log.{entry.kind}")
     times = f" ×{entry.times}" if entry.times > 1 else ""
     words = entry_words(entry, text) + times
-    return hanging(dim(fitted(clock(entry.at), _TIME) + fitted(kind, _KIND)), words, width, token)
+    return hanging(dim(fit_text(clock(entry.at), _TIME) + fit_text(kind, _KIND)), words, width, token)
 
 
 def entry_words(entry: LogEntry, text: Catalogue) -> str:
     """Return an entry in words, without its time."""
     if entry.problem is not None:
-        words = text.problem(named(entry.problem, text))
+        words = text.problem(name_field(entry.problem, text))
         return text("alarms_page.log_alarm", number=entry.number, words=words) if entry.number else words
     match entry.kind:
         case LogKind.STOPPED:

@@ -17,15 +17,15 @@ FOLDER = "logs"
 _TIME, _KIND = 24, 14
 
 
-def found(entries: Sequence[LogEntry], words: str, text: Catalogue) -> tuple[LogEntry, ...]:
+def find_entries(entries: Sequence[LogEntry], words: str, text: Catalogue) -> tuple[LogEntry, ...]:
     """Return the entries with every one of these words in what is shown of them; all of them without words."""
     wanted = words.casefold().split()
     if not wanted:
         return tuple(entries)
-    return tuple(each for each in entries if all(word in _searched(each, text) for word in wanted))
+    return tuple(each for each in entries if all(word in _searchable_text(each, text) for word in wanted))
 
 
-def _searched(entry: LogEntry, text: Catalogue) -> str:
+def _searchable_text(entry: LogEntry, text: Catalogue) -> str:
     kind = text(f"alarms_page.log.{entry.kind}")
     return f"{entry.at:%H:%M:%S} {kind} {entry_words(entry, text)}".casefold()
 

@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 from rich.cells import cell_len
 
-from console.session.data.identified import responses_of
+from console.session.data.identified_responses import responses_of
 from console.session.tuning.known_loop import MOST_RESPONSES
-from console.session.tuning.standing import differing_words
+from console.session.tuning.standing_trial import differing_words
 from console.text.catalogue import Catalogue
-from console.tui.lines import Line, dim, fitted, hanging, line, wrapped
+from console.tui.lines import Line, dim, fit_text, hanging, line, wrap_line
 from console.tui.theme import Token
-from drivers.commissioning.judged import differing_settings
+from drivers.commissioning.checked_configuration import differing_settings
 from drivers.identification.result import IdentifiedResponse, unfit_problems
 from drivers.identification.tool_gains import ToolLoop
 from profiles.arrays import Complexes, Floats, complexes, floats
@@ -47,7 +47,7 @@ LOWEST_HZ, POINTS = 1.0, 300
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Curve:
+class ResponseCurve:
     """A response at frequencies in Hz; a lag is a negative phase."""
 
     hz: Floats
@@ -55,7 +55,7 @@ class Curve:
     phase_deg: Floats
 
     @classmethod
-    def of(cls, hz: Floats, response: Complexes) -> Curve:
+    def from_response(cls, hz: Floats, response: Complexes) -> ResponseCurve:
         """Return the curve of a complex response, its phase continuous."""
         gain_db = 20.0 * np.log10(np.maximum(np.abs(response), 1e-12))
         return cls(hz=hz, gain_db=floats(gain_db), phase_deg=floats(np.degrees(np.unwrap(np.angle(response)))))
@@ -67,7 +67,7 @@ class SeenResponse:
 
     file: Path
     found: IdentifiedResponse | None
-    curve: Curve | None
+    curve: ResponseCurve | None
     problems: tuple[Problem, ...]
 
 
@@ -82,15 +82,15 @@ class LoopFacts:
     gains: PidGains
     period_ms: float
     margins: LoopMargins
-    model: Curve
+    model: ResponseCurve
     responses: tuple[SeenResponse, ...]
-    paper: Curve | None
+    paper: ResponseCurve | None
     differing: Mapping[str, tuple[float, float]]
 
 
 def loop_facts(machine: MachineProfile, read: ToolLoop | None, data: Path, *, simulated: bool) -> LoopFacts:
     """Return everything that is shown of the loop; ProfileError where the profile lacks a gain."""
-    here = machine if read is None else read.on(machine)
+    here = machine if read is None else read.apply_to(machine)
     loop = loop_of(here)
     hz = floats(np.geomspace(LOWEST_HZ, 0.98 * loop.nyquist_hz, POINTS))
     return LoopFacts(
@@ -98,17 +98,17 @@ def loop_facts(machine: MachineProfile, read: ToolLoop | None, data: Path, *, si
         gains=gains_from_variables(here),
         period_ms=here.controller.servo_period_ms,
         margins=loop_margins(loop),
-        model=Curve.of(hz, loop.closed(hz)),
+        model=ResponseCurve.from_response(hz, loop.closed_loop(hz)),
         responses=tuple(_seen(data, here, simulated=simulated)),
         paper=paper_curve() if machine.name == PAPER_MACHINE else None,
         differing=differing_settings(machine, {} if read is None else read.gains),
     )
 
 
-def paper_curve() -> Curve:
+def paper_curve() -> ResponseCurve:
     """Return Table 5 as points: a loss of the peak-to-peak value, the reading that a simple loop can produce."""
     gain_db = 20.0 * np.log10(measured_gains())
-    return Curve(
+    return ResponseCurve(
         hz=floats(FREQUENCIES_HZ), gain_db=floats(gain_db), phase_deg=floats(-np.degrees(PHASE_ERROR_RAD))
     )
 
@@ -120,7 +120,7 @@ def _seen(data: Path, machine: MachineProfile, *, simulated: bool) -> Iterator[S
             problems = unfit_problems(found, machine, found.path, simulated=simulated)
             points = sorted(found.points, key=lambda point: point.frequency_hz)
             phasors = complexes([cmath.rect(point.gain, math.radians(point.phase_deg)) for point in points])
-            curve = Curve.of(floats([point.frequency_hz for point in points]), phasors)
+            curve = ResponseCurve.from_response(floats([point.frequency_hz for point in points]), phasors)
         yield SeenResponse(file=kept.file, found=found, curve=curve, problems=problems)
 
 
@@ -134,7 +134,7 @@ def loop_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
 def margin_lines(margins: LoopMargins, period_ms: float, text: Catalogue, width: int) -> list[Line]:
     """Return the margins, one a row, beside the values that are usual; an unstable loop has none."""
     if not margins.stable:
-        return wrapped(text("tune_page.unstable"), width, Token.ALARM)
+        return wrap_line(text("tune_page.unstable"), width, Token.ALARM)
     gain, phase, sensitivity = margins.gain_margin, margins.phase_margin_deg, margins.sensitivity_peak
     delay = NONE
     if margins.delay_margin_ms is not None:
@@ -173,13 +173,13 @@ def margin_lines(margins: LoopMargins, period_ms: float, text: Catalogue, width:
 
 def _row(label: str, value: str, usual: str, text: Catalogue, width: int, *, bad: bool) -> Line:
     mark = ("! ", Token.WARNING) if bad else dim("  ")
-    shown = (fitted(value, VALUE_WIDTH), Token.WARNING if bad else Token.TEXT)
+    shown = (fit_text(value, VALUE_WIDTH), Token.WARNING if bad else Token.TEXT)
     room = max(width - 2 - LABEL_WIDTH - VALUE_WIDTH, 0)
     return (
         mark,
-        dim(fitted(label, LABEL_WIDTH)),
+        dim(fit_text(label, LABEL_WIDTH)),
         shown,
-        dim(fitted(usual and text("tune_page.usual", limit=usual), room)),
+        dim(fit_text(usual and text("tune_page.usual", limit=usual), room)),
     )
 
 
@@ -197,12 +197,12 @@ def gain_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
     lines: list[Line] = []
     if facts.read is not None:
         read = facts.read.gains
-        lines += _packed([f"{name} {read[name]:.11g}" for name in shown_names(read)], width, Token.TEXT)
-    lines += _packed([f"{text(f'tune_page.{key}')} {value}" for key, value in rows], width, Token.DIM)
+        lines += _pack_items([f"{name} {read[name]:.11g}" for name in shown_names(read)], width, Token.TEXT)
+    lines += _pack_items([f"{text(f'tune_page.{key}')} {value}" for key, value in rows], width, Token.DIM)
     return lines + (hanging(dim("  "), text("tune_page.metric"), width, Token.DIM) if text.units.is_inch else [])
 
 
-def _packed(items: Sequence[str], width: int, token: Token) -> list[Line]:
+def _pack_items(items: Sequence[str], width: int, token: Token) -> list[Line]:
     """Return items side by side, as many in a row as fit; none is broken."""
     rows: list[str] = []
     for item in items:
@@ -223,8 +223,8 @@ def warning_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
     if facts.differing:
         names = differing_words(facts.differing)
         lines += hanging(("! ", Token.WARNING), text("tune_page.differing", names=names), width)
-    if facts.read.unmodelled:
-        names = ", ".join(facts.read.unmodelled)
+    if facts.read.unmodelled_settings:
+        names = ", ".join(facts.read.unmodelled_settings)
         lines += hanging(("! ", Token.WARNING), text("tune_page.unmodelled", names=names), width)
     return lines
 
@@ -234,13 +234,13 @@ def response_lines(
 ) -> list[Line]:
     """Return the kept responses, newest first, the selected one marked, in rows of one line."""
     if not responses:
-        return wrapped(text("tune_page.no_responses"), width, Token.DIM)
+        return wrap_line(text("tune_page.no_responses"), width, Token.DIM)
     first = max(min(selected - height // 2, len(responses) - height), 0)
     rows: list[Line] = []
     for place, seen in list(enumerate(responses))[first : first + max(height, 1)]:
         mark = ("▶ ", Token.ACTION) if place == selected else dim("  ")
         words = (
-            fitted(_response_words(seen, text), max(width - 2, 0)),
+            fit_text(_response_words(seen, text), max(width - 2, 0)),
             Token.TEXT if not seen.problems else Token.DIM,
         )
         rows.append((mark, words))

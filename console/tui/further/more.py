@@ -6,8 +6,8 @@ from textual.widget import Widget
 
 from console.tui.key_help import help_lines
 from console.tui.keymap import ACTIONS, FURTHER, PageName
-from console.tui.lines import Line, Sheet, dim, fitted, line, wrapped
-from console.tui.page import Page, moved, rows_moved
+from console.tui.lines import Line, Sheet, dim, fit_text, line, wrap_line
+from console.tui.page import Page, move_selection, rows_moved
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem
@@ -41,7 +41,7 @@ class MorePage(Page):
     def act(self, action: str) -> None:
         """Choose a page, or show one."""
         if (by := rows_moved(action)) is not None:
-            self._selected = moved(self._selected, by, len(FURTHER))
+            self._selected = move_selection(self._selected, by, len(FURTHER))
         elif action == "more.open":
             self.ui.go(FURTHER[self._selected])
         else:
@@ -72,7 +72,7 @@ class MorePage(Page):
         text, rows, numbers = self.ui.text, list[Line](), list[int]()
         for number, page in enumerate(FURTHER):
             chosen = number == self._selected
-            name = fitted(text(f"page.{page}"), NAME_WIDTH)
+            name = fit_text(text(f"page.{page}"), NAME_WIDTH)
             mark = ("▶ ", Token.ACTION) if chosen else dim("  ")
             head = (
                 mark,
@@ -80,7 +80,7 @@ class MorePage(Page):
                 (name, Token.SELECTED if chosen else Token.TEXT),
             )
             used = 5 + NAME_WIDTH + 1
-            about = wrapped(text(f"more.about.{page}"), max(width - used, 8), Token.DIM)
+            about = wrap_line(text(f"more.about.{page}"), max(width - used, 8), Token.DIM)
             rows.append((*head, dim(" "), *about[0]))
             rows += [(dim(" " * used), *more) for more in about[1:]]
             numbers += [number] * len(about)

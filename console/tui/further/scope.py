@@ -13,24 +13,24 @@ from console.session.data.kept_files import folder_name, make_folder, names_in
 from console.session.station.commands import Control
 from console.session.station.state import Activity, StationState
 from console.tui.controller.errand import Errand
-from console.tui.further.scope_pictures import Sight, averaged, picture, reading_lines
-from console.tui.further.scope_setup import ROWS, changed, channel_words, setup_lines
+from console.tui.further.scope_pictures import ScopeView, average_turns, picture, reading_lines
+from console.tui.further.scope_setup import ROWS, change_setup, channel_words, setup_lines
 from console.tui.keymap import PageName, RowKey
-from console.tui.lines import Line, Sheet, dim, entitle, line, wrapped
+from console.tui.lines import Line, Sheet, dim, entitle, line, wrap_line
 from console.tui.page import Page
 from console.tui.plot.trace_view import TraceView
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
-from drivers.requests.permitted import Kind
+from drivers.requests.permitted_lines import RequestKind
 from drivers.requests.scope_gather import (
     ANGLE,
     Channel,
-    Progress,
-    Record,
+    MachineConditions,
     Scope,
+    ScopeProgress,
+    ScopeRecord,
     ScopeSetup,
-    Seen,
-    Trigger,
+    ScopeTrigger,
     channel_of,
 )
 from drivers.requests.side_controller import SideController
@@ -75,24 +75,24 @@ class ScopeWork:
     """One record in the making; `progress` is replaced by the thread that makes it."""
 
     def __init__(self, side: SideLine, machine: MachineProfile, control: Control) -> None:
-        self.client = SideController(side, Kind.GATHER)
-        self.progress = Progress("setting")
+        self.client = SideController(side, RequestKind.GATHER)
+        self.progress = ScopeProgress("setting")
         self._side, self._machine, self._control = side, machine, control
 
-    def record(self, setup: ScopeSetup, taken: str) -> Record:
+    def record(self, setup: ScopeSetup, taken: str) -> ScopeRecord:
         """Gather; errors as `Scope.record`."""
         with self._side.working():
-            cleaner = SideController(self._side, Kind.GATHER)
-            scope = Scope(self.client, cleaner, self._machine, self._seen, self._tell)
+            cleaner = SideController(self._side, RequestKind.GATHER)
+            scope = Scope(self.client, cleaner, self._machine, self._machine_conditions, self._tell)
             return scope.record(setup, taken)
 
-    def _tell(self, progress: Progress) -> None:
+    def _tell(self, progress: ScopeProgress) -> None:
         self.progress = progress
 
-    def _seen(self) -> Seen:
+    def _machine_conditions(self) -> MachineConditions:
         state = self._control.state
         snapshot = state.snapshot
-        return Seen(
+        return MachineConditions(
             now_s=self._control.now_s(),
             at_rest=not state.seen_moving and not state.may_move,
             near_cut=state.armed is not None or state.activity in (Activity.POSITIONING, Activity.CUTTING),
@@ -101,7 +101,7 @@ class ScopeWork:
         )
 
 
-def keep_record(data: Path, record: Record) -> Path:
+def keep_record(data: Path, record: ScopeRecord) -> Path:
     """Write a record into the data folder; return the file. Raises ProfileError: as `write_atomically`."""
     folder = data / FOLDER
     make_folder(folder)
@@ -111,7 +111,7 @@ def keep_record(data: Path, record: Record) -> Path:
     return path
 
 
-def record_text(record: Record) -> str:
+def record_text(record: ScopeRecord) -> str:
     """Return a record as CSV: times in s from the trigger, channels in m, rad, m/s, rad/s."""
     head = [TITLE, *(f"# {key}: {printable(str(getattr(record, key)))}" for key in _HEAD_KEYS)]
     head.append(",".join([_TIME_COLUMN, *(f"{channel.key} [{channel.si_unit}]" for channel in record.values)]))
@@ -120,7 +120,7 @@ def record_text(record: Record) -> str:
     return "\n".join([*head, *rows]) + "\n"
 
 
-def read_record(path: Path) -> Record:
+def read_record(path: Path) -> ScopeRecord:
     """Return a kept record. Raises ProfileError: `scope.unreadable`, or as `read_regular_file`."""
     where = printable(str(path))
     try:
@@ -133,10 +133,10 @@ def read_record(path: Path) -> Record:
             raise ValueError(f"{DAMAGED_AT}: {len(lines)}")
         channels = [_channel(each) for each in lines[4].split(",")[1:]]
         rows = _numbers(lines[5:], len(channels) + 1)
-        return Record(
+        return ScopeRecord(
             machine=facts["machine"],
             taken=facts["taken"],
-            trigger=Trigger(facts["trigger"]),
+            trigger=ScopeTrigger(facts["trigger"]),
             times_s=rows[:, 0],
             values={channel: rows[:, place] for place, channel in enumerate(channels, start=1)},
         )
@@ -207,11 +207,11 @@ class ScopePage(Page):
         self.panels = (self._set, right, self._list)
         self._setup, self._row = ScopeSetup(), 0
         self._work: ScopeWork | None = None
-        self._errand: Errand[Record] = Errand()
-        self._opening: Errand[Record] = Errand()
+        self._errand: Errand[ScopeRecord] = Errand()
+        self._opening: Errand[ScopeRecord] = Errand()
         self._taken = self._opened = 0
-        self._record: Record | None = None
-        self._sight: Sight | None = None
+        self._record: ScopeRecord | None = None
+        self._sight: ScopeView | None = None
         self._chosen: Channel | None = None
         self._cursors, self._active, self._over_angle = [0, 0], 0, False
         self._files: tuple[Path, ...] = ()
@@ -250,7 +250,7 @@ class ScopePage(Page):
         word = action.removeprefix("scope.")
         if word == "gather":
             return refusal_of(self.ui, view.state, running=self._errand.running)
-        if word in ("more", "less") and changed(self._setup, self._row, 1) is None:
+        if word in ("more", "less") and change_setup(self._setup, self._row, 1) is None:
             return (Problem(code="screen.scope_channels"),)
         if word == "cancel" and not self._errand.running:
             return (Problem(code="screen.nothing_gathers"),)
@@ -261,10 +261,10 @@ class ScopePage(Page):
             return self._why_no_angle(self._record)
         return ()
 
-    def _why_no_angle(self, record: Record) -> tuple[Problem, ...]:
+    def _why_no_angle(self, record: ScopeRecord) -> tuple[Problem, ...]:
         if ANGLE not in record.values or len(record.values) == 1:
             return (Problem(code="screen.scope_no_angle"),)
-        return () if averaged(record) is not None else (Problem(code="screen.scope_few_turns"),)
+        return () if average_turns(record) is not None else (Problem(code="screen.scope_few_turns"),)
 
     def _in_list(self, action: str) -> bool:
         """Do what a key does in the list of kept records; False for one that does the same as elsewhere."""
@@ -285,7 +285,7 @@ class ScopePage(Page):
         return True
 
     def _change(self, by: int) -> None:
-        after = changed(self._setup, self._row, by, self.ui.text.units)
+        after = change_setup(self._setup, self._row, by, self.ui.text.units)
         if after is not None:
             self._setup = after
 
@@ -317,7 +317,7 @@ class ScopePage(Page):
             by = _ENDS.get(action, step * (-1 if "left" in action else 1))
             self._cursors[self._active] = min(max(self._cursors[self._active] + by, 0), size - 1)
 
-    def _choices(self, record: Record) -> tuple[Channel, ...]:
+    def _choices(self, record: ScopeRecord) -> tuple[Channel, ...]:
         return tuple(each for each in record.values if not (self._over_angle and each == ANGLE))
 
     # What is shown ---------------------------------------------------------------------------------------------
@@ -365,7 +365,7 @@ class ScopePage(Page):
                 continue
             setattr(self, name, errand.ended)
             if errand.problems:
-                self.ui.said = errand.problems
+                self.ui.key_answer = errand.problems
             elif errand.cancelled:
                 self.ui.say("screen.scope_cancelled")
             elif errand.found is not None:
@@ -379,8 +379,8 @@ class ScopePage(Page):
         names = self._choices(record)
         if self._chosen not in names:
             self._chosen = names[0]
-        averages = averaged(record) if self._over_angle else None
-        self._sight = Sight(record=record, chosen=self._chosen or names[0], averages=averages)
+        averages = average_turns(record) if self._over_angle else None
+        self._sight = ScopeView(record=record, chosen=self._chosen or names[0], averages=averages)
         if not keep:
             size = len(self._sight.axis)
             self._cursors = [size // 4, 3 * size // 4]
@@ -401,16 +401,16 @@ class ScopePage(Page):
         sight, text = self._sight, self.ui.text
         if sight is None:
             entitle(self._plot, text("scope_page.nothing"), text("scope_page.units"))
-            self._read.show(wrapped(text("scope_page.how"), max(self._read.size.width, 1), Token.DIM))
+            self._read.show(wrap_line(text("scope_page.how"), max(self._read.size.width, 1), Token.DIM))
             return
-        words = [channel_words(each, text) for each in reversed(sight.drawn)]
+        words = [channel_words(each, text) for each in reversed(sight.drawn_channels)]
         over = text("scope_page.over_angle" if sight.averages is not None else "scope_page.over_time")
         entitle(self._plot, ", ".join(words), over)
         self._plot.show(picture(sight, (self._cursors[0], self._cursors[1]), text.units))
         rows = self._readings(sight, max(self._read.size.width, 1))
         self._read.show(rows, text("scope_page.readings"), sight.record.taken)
 
-    def _readings(self, sight: Sight, width: int) -> list[Line]:
+    def _readings(self, sight: ScopeView, width: int) -> list[Line]:
         return reading_lines(sight, (self._cursors[0], self._cursors[1]), self._active, self.ui.text, width)
 
     def _show_list(self) -> None:
@@ -423,5 +423,5 @@ class ScopePage(Page):
             )
             for place, path in enumerate(self._files[first : first + height], start=first)
         ]
-        empty = wrapped(text("scope_page.none_kept"), max(self._list.size.width, 1), Token.DIM)
+        empty = wrap_line(text("scope_page.none_kept"), max(self._list.size.width, 1), Token.DIM)
         self._list.show(rows or empty, text("scope_page.kept", count=len(self._files)))

@@ -8,12 +8,12 @@ import numpy as np
 
 from console.text.catalogue import Catalogue
 from console.tui.further.scope_setup import short_words
-from console.tui.lines import NOTHING, Line, dim, fitted, line, to_the_right
+from console.tui.lines import NOTHING, Line, dim, fit_text, line, to_the_right
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Series, TracePicture
 from console.tui.theme import Token
 from console.units import METRIC, Units
-from drivers.requests.scope_gather import ANGLE, Channel, Record, display_of
+from drivers.requests.scope_gather import ANGLE, Channel, ScopeRecord, display_of
 from profiles.arrays import Floats
 
 DEGREES = 57.29577951308232
@@ -65,10 +65,10 @@ def over_turns(angle_deg: Floats, values: Floats) -> TurnAverage | None:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sight:
+class ScopeView:
     """A record as it is looked at: the chosen channel, and all others in its unit; over time, or `averages`."""
 
-    record: Record
+    record: ScopeRecord
     chosen: Channel
     averages: dict[Channel, TurnAverage] | None = None
 
@@ -80,20 +80,20 @@ class Sight:
         return self.record.times_s
 
     @property
-    def drawn(self) -> tuple[Channel, ...]:
+    def drawn_channels(self) -> tuple[Channel, ...]:
         """The channels of the picture, the chosen one last, on top."""
         unit = display_of(self.chosen)[0]
         alike = [each for each in self.record.values if display_of(each)[0] == unit and each != self.chosen]
         return (*alike[-3:], self.chosen)
 
-    def shown(self, channel: Channel) -> Floats:
+    def channel_values(self, channel: Channel) -> Floats:
         """Return the values of a channel over `axis`, in its display unit."""
         if self.averages is not None:
             return self.averages[channel].mean
         return np.asarray(self.record.values[channel] * display_of(channel)[1])
 
 
-def averaged(record: Record) -> dict[Channel, TurnAverage] | None:
+def average_turns(record: ScopeRecord) -> dict[Channel, TurnAverage] | None:
     """Return each channel over the spindle angle, in display units; None without that, or without two turns."""
     angle = record.values.get(ANGLE)
     if angle is None:
@@ -109,7 +109,7 @@ def averaged(record: Record) -> dict[Channel, TurnAverage] | None:
     return found or None
 
 
-def picture(sight: Sight, cursors: tuple[int, int], units: Units = METRIC) -> TracePicture:
+def picture(sight: ScopeView, cursors: tuple[int, int], units: Units = METRIC) -> TracePicture:
     """Return the channels with the cursors; over the angle also mean plus and minus two standard deviations."""
     unit = display_of(sight.chosen)[0]
     size = units.size(unit)  # all that is drawn has the unit of the chosen channel
@@ -122,8 +122,8 @@ def picture(sight: Sight, cursors: tuple[int, int], units: Units = METRIC) -> Tr
             edge = (each.mean + side * np.nan_to_num(each.spread)) / size
             series.append(Series(x=axis, y=edge, token=Token.DIM, dots=True))
             bounds += [float(np.nanmin(edge)), float(np.nanmax(edge))]
-    for place, channel in enumerate(sight.drawn):
-        values = sight.shown(channel) / size
+    for place, channel in enumerate(sight.drawn_channels):
+        values = sight.channel_values(channel) / size
         token = _TOKENS[0] if channel == sight.chosen else _TOKENS[1 + place % 3]
         series.append(Series(x=axis, y=values, token=token, dashed=channel != sight.chosen))
         bounds += [float(np.nanmin(values)), float(np.nanmax(values))]
@@ -141,7 +141,9 @@ def picture(sight: Sight, cursors: tuple[int, int], units: Units = METRIC) -> Tr
     )
 
 
-def reading_lines(sight: Sight, cursors: tuple[int, int], active: int, text: Catalogue, width: int) -> list[Line]:
+def reading_lines(
+    sight: ScopeView, cursors: tuple[int, int], active: int, text: Catalogue, width: int
+) -> list[Line]:
     """Return the values at both cursors and their differences; over the angle the spread at the active one too."""
     axis, over_angle = sight.axis, sight.averages is not None
     name = max(width - 3 * _NUMBER, 8)
@@ -152,12 +154,14 @@ def reading_lines(sight: Sight, cursors: tuple[int, int], active: int, text: Cat
     for channel in sight.record.values:
         if over_angle and channel == ANGLE:
             continue
-        values = [float(sight.shown(channel)[cursor]) for cursor in cursors]
+        values = [float(sight.channel_values(channel)[cursor]) for cursor in cursors]
         unit = display_of(channel)[0]
         label = short_words(channel, text.units.unit(unit), text)
         token = Token.STRONG if channel == sight.chosen else Token.TEXT
-        cells = [_shown(value, unit, text.units) for value in (*values, values[1] - values[0])]
-        rows.append(line((fitted(label, name), token), *((to_the_right(cell, _NUMBER), token) for cell in cells)))
+        cells = [_format_value(value, unit, text.units) for value in (*values, values[1] - values[0])]
+        rows.append(
+            line((fit_text(label, name), token), *((to_the_right(cell, _NUMBER), token) for cell in cells))
+        )
     if sight.averages is not None:
         each = sight.averages[sight.chosen]
         spread = float(each.spread[cursors[active]])
@@ -171,10 +175,10 @@ def reading_lines(sight: Sight, cursors: tuple[int, int], active: int, text: Cat
 def _row(label: str, ends: list[float], name: int, over_angle: bool) -> Line:
     form = "{:.1f}" if over_angle else "{:.5f}"
     shown = [form.format(each) for each in (*ends, ends[1] - ends[0])]
-    return line(dim(fitted(label, name)), *(to_the_right(each, _NUMBER) for each in shown))
+    return line(dim(fit_text(label, name)), *(to_the_right(each, _NUMBER) for each in shown))
 
 
-def _shown(value: float, unit: str, units: Units) -> str:
+def _format_value(value: float, unit: str, units: Units) -> str:
     if np.isnan(value):
         return NOTHING
     decimals = _DECIMALS.get(unit)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from console.text.catalogue import Catalogue
-from console.tui.lines import Line, dim, fitted, line
+from console.tui.lines import Line, dim, fit_text, line
 from console.tui.theme import Token
 from console.units import METRIC, Units
 from drivers.requests.scope_gather import (
@@ -17,7 +17,7 @@ from drivers.requests.scope_gather import (
     PERIODS_CYCLES,
     Channel,
     ScopeSetup,
-    Trigger,
+    ScopeTrigger,
     display_of,
 )
 
@@ -31,18 +31,18 @@ _INCH_STEP = {"um": 50.0, "mm": 0.005, "mm/s": 0.005}
 """Steps of a level, in the unit in which it is shown: round numbers in either system."""
 
 
-def changed(setup: ScopeSetup, row: int, by: int, units: Units = METRIC) -> ScopeSetup | None:
+def change_setup(setup: ScopeSetup, row: int, by: int, units: Units = METRIC) -> ScopeSetup | None:
     """Return the set-up after a key on a row; None where it would have no channel, or too many."""
     chosen = ROWS[row]
     if isinstance(chosen, Channel):
-        return _toggled(setup, chosen)
+        return _toggle_channel(setup, chosen)
     match chosen:
         case "period":
             return replace(setup, period_cycles=_next(PERIODS_CYCLES, setup.period_cycles, by))
         case "length":
             return replace(setup, length_s=_next(LENGTHS_S, setup.length_s, by))
         case "trigger":
-            return replace(setup, trigger=_next(tuple(Trigger), setup.trigger, by, around=True))
+            return replace(setup, trigger=_next(tuple(ScopeTrigger), setup.trigger, by, around=True))
         case "level_of":
             return replace(setup, level_of=_next(setup.channels, setup.level_of, by, around=True), level=0.0)
         case _:
@@ -55,7 +55,7 @@ def _level_step(channel: Channel, units: Units) -> float:
     return shown * units.size(unit)
 
 
-def _toggled(setup: ScopeSetup, channel: Channel) -> ScopeSetup | None:
+def _toggle_channel(setup: ScopeSetup, channel: Channel) -> ScopeSetup | None:
     if channel in setup.channels:
         left = tuple(each for each in setup.channels if each != channel)
     else:
@@ -91,11 +91,11 @@ def setup_lines(setup: ScopeSetup, chosen: int, cycle_ms: float, text: Catalogue
         token = Token.SELECTED if place == chosen else Token.TEXT
         if isinstance(each, Channel):
             on = "●" if each in setup.channels else "○"
-            rows.append(line(mark, (fitted(f"{on} {channel_words(each, text)}", width - 1), token)))
+            rows.append(line(mark, (fit_text(f"{on} {channel_words(each, text)}", width - 1), token)))
         else:
-            label = dim(fitted(text(f"scope_page.set.{each}"), LABEL))
+            label = dim(fit_text(text(f"scope_page.set.{each}"), LABEL))
             rows.append(
-                line(mark, label, (fitted(_words(setup, str(each), cycle_ms, text), width - LABEL - 1), token))
+                line(mark, label, (fit_text(_words(setup, str(each), cycle_ms, text), width - LABEL - 1), token))
             )
     return rows
 
@@ -108,9 +108,9 @@ def _words(setup: ScopeSetup, setting: str, cycle_ms: float, text: Catalogue) ->
             return f"{setup.length_s:g} s"
         case "trigger":
             return text(f"scope_page.trigger.{setup.trigger}")
-    if setup.trigger not in (Trigger.RISING, Trigger.FALLING):
+    if setup.trigger not in (ScopeTrigger.RISING, ScopeTrigger.FALLING):
         return "–"
     if setting == "level_of":
         return channel_words(setup.level_of, text)
     unit = display_of(setup.level_of)[0]
-    return f"{text.units.short(setup.level, unit)} {text.units.unit(unit)}"
+    return f"{text.units.format_short(setup.level, unit)} {text.units.unit(unit)}"

@@ -12,7 +12,7 @@ from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 
 from console.session.appearance import CHOICES, Appearance, OwnKeys, own_keys_text
-from console.session.configuration import Origin, Setting, account_file
+from console.session.configuration import Setting, SettingOrigin, account_file
 from console.session.kept_settings import keep_settings
 from console.text.catalogue import LANGUAGES, Catalogue
 from console.tui.application.own_keys import REMAPPABLE, key_typed, why_not_key
@@ -20,10 +20,10 @@ from console.tui.entry import EntryLine
 from console.tui.gate import FieldKind
 from console.tui.key_help import words_of, written_key
 from console.tui.keymap import Action, PageName
-from console.tui.lines import BLANK, Line, Sheet, clipped, dim, fitted, line, name_in, ranged, wrapped
-from console.tui.page import Page, moved, rows_moved
+from console.tui.lines import BLANK, Line, Sheet, clip_lines, dim, fit_text, justify_line, line, name_in, wrap_line
+from console.tui.page import Page, move_selection, rows_moved
 from console.tui.theme import COLOUR_VARIABLE, MONO, Palette, Token
-from console.tui.ui_context import UiContext, View, locked
+from console.tui.ui_context import UiContext, View, find_job_lock
 from profiles.files import printable
 from profiles.problem import Problem, ProblemError
 
@@ -37,7 +37,7 @@ SAMPLES = (Token.TEXT, Token.DIM, Token.ACTION, Token.WARNING, Token.ALARM, Toke
 SETTINGS = ("language", *CHOICES, "keys")
 """The settings of the page, in order."""
 
-FIXED = (Origin.VARIABLE, Origin.OPTION)
+FIXED = (SettingOrigin.VARIABLE, SettingOrigin.OPTION)
 """Places that come after the file of the account: what they say cannot be changed in it."""
 
 
@@ -62,13 +62,13 @@ def is_without_colour(palette: Palette) -> bool:
 def place_of(ui: UiContext, setting: str) -> Setting | None:
     """Return where the value of a setting comes from; None for one that is built in."""
     if setting == "theme" and is_without_colour(ui.palette):
-        return Setting(value=None, origin=Origin.VARIABLE, place=COLOUR_VARIABLE)
+        return Setting(value=None, origin=SettingOrigin.VARIABLE, place=COLOUR_VARIABLE)
     return None if ui.configuration is None else ui.configuration.settings.get(setting)
 
 
 def why_not_change(ui: UiContext, setting: str) -> tuple[Problem, ...]:
     """Return why a setting cannot be changed now: something moves, a cut is armed, a later place has it."""
-    if problem := locked(ui.control.state, "screen.settings_moving", "screen.settings_armed"):
+    if problem := find_job_lock(ui.control.state, "screen.settings_moving", "screen.settings_armed"):
         return (problem,)
     place = place_of(ui, setting)
     if place is not None and place.origin in FIXED:
@@ -76,7 +76,7 @@ def why_not_change(ui: UiContext, setting: str) -> tuple[Problem, ...]:
     return ()
 
 
-def stepped(ui: UiContext, setting: str, by: int) -> Appearance:
+def step_setting(ui: UiContext, setting: str, by: int) -> Appearance:
     """Return the appearance with the next or previous value of a setting."""
     values = choices_of(setting)
     place = values.index(value_of(ui.appearance, setting)) + by
@@ -91,15 +91,21 @@ def change(ui: UiContext, setting: str, appearance: Appearance) -> None:
         return
     path = account_file(os.environ)
     if path is None:
-        ui.said = (Problem(code="data.no_home", value=str(os.getuid())), Problem(code="screen.setting_not_kept"))
+        ui.key_answer = (
+            Problem(code="data.no_home", value=str(os.getuid())),
+            Problem(code="screen.setting_not_kept"),
+        )
         return
     value = value_of(appearance, setting)
     try:
         keep_settings(path, {setting: value or None})
     except ProblemError as error:
-        ui.said = (*error.problems, Problem(code="screen.setting_not_kept"))
+        ui.key_answer = (*error.problems, Problem(code="screen.setting_not_kept"))
         return
-    settings = {**ui.configuration.settings, setting: Setting(value=value, origin=Origin.FILE, place=str(path))}
+    settings = {
+        **ui.configuration.settings,
+        setting: Setting(value=value, origin=SettingOrigin.FILE, place=str(path)),
+    }
     if not value:
         del settings[setting]
     ui.configuration = replace(ui.configuration, settings=settings)
@@ -115,10 +121,10 @@ def setting_rows(ui: UiContext, selected: int, width: int) -> list[Line]:
         value = value_words(ui, setting)
         head: Line = (
             mark,
-            (fitted(text(f"settings.{setting}"), LABEL_WIDTH), Token.STRONG if chosen else Token.DIM),
+            (fit_text(text(f"settings.{setting}"), LABEL_WIDTH), Token.STRONG if chosen else Token.DIM),
             (f" {value} ", Token.SELECTED if chosen else Token.TEXT),
         )
-        rows.append(ranged(head, line(dim(f" {place}")), width))
+        rows.append(justify_line(head, line(dim(f" {place}")), width))
     return rows
 
 
@@ -136,7 +142,7 @@ def value_words(ui: UiContext, setting: str) -> str:
 def place_words(ui: UiContext, setting: str, width: int) -> str:
     """Return where a value comes from, in this many cells; a fixed one is called so."""
     place = place_of(ui, setting)
-    if place is None or place.origin is Origin.BUILT_IN:
+    if place is None or place.origin is SettingOrigin.BUILT_IN:
         return ui.text("settings.built_in")
     if place.origin in FIXED:
         return ui.text("settings.fixed", place=place.place)
@@ -146,7 +152,7 @@ def place_words(ui: UiContext, setting: str, width: int) -> str:
 def about_lines(ui: UiContext, setting: str, width: int) -> list[Line]:
     """Return what a setting does, and its values; the themes with the colours that mean something."""
     text = ui.text
-    rows = wrapped(text(f"settings.about.{setting}"), width)
+    rows = wrap_line(text(f"settings.about.{setting}"), width)
     if setting == "theme":
         rows += [BLANK, *_samples(text, width)]
     present = value_of(ui.appearance, setting)
@@ -177,13 +183,13 @@ def key_rows(text: Catalogue, own: OwnKeys, selected: int | None, width: int) ->
         page = text("settings.every_page") if action.page is None else text(f"page.{action.page}")
         head: Line = (
             mark,
-            (fitted("" if mine is None else written_key(mine), KEY_WIDTH), Token.KEY),
-            (fitted(action.shown, KEY_WIDTH), Token.DIM),
-            (fitted(page, PAGE_WIDTH), Token.DIM),
+            (fit_text("" if mine is None else written_key(mine), KEY_WIDTH), Token.KEY),
+            (fit_text(action.shown, KEY_WIDTH), Token.DIM),
+            (fit_text(page, PAGE_WIDTH), Token.DIM),
         )
         token = Token.SELECTED if chosen else Token.TEXT
         room = max(width - 2 - 2 * KEY_WIDTH - PAGE_WIDTH, 8)
-        rows.append((*head, (fitted(words_of(text, action), room), token)))
+        rows.append((*head, (fit_text(words_of(text, action), room), token)))
     return rows
 
 
@@ -191,9 +197,9 @@ def key_head(text: Catalogue) -> Line:
     """Return the head of the columns."""
     return (
         dim("  "),
-        dim(fitted(text("settings.own_key"), KEY_WIDTH)),
-        dim(fitted(text("settings.our_key"), KEY_WIDTH)),
-        dim(fitted(text("settings.page"), PAGE_WIDTH)),
+        dim(fit_text(text("settings.own_key"), KEY_WIDTH)),
+        dim(fit_text(text("settings.our_key"), KEY_WIDTH)),
+        dim(fit_text(text("settings.page"), PAGE_WIDTH)),
         dim(text("settings.action")),
     )
 
@@ -203,7 +209,7 @@ def key_about(text: Catalogue, action: Action, own: OwnKeys, width: int) -> list
     mine = own.get(action.id)
     key = "settings.has_key" if mine else "settings.has_none"
     told = text(key, key=written_key(mine or ""), ours=action.shown)
-    return [*wrapped(words_of(text, action), width), BLANK, *wrapped(told, width, Token.DIM)]
+    return [*wrap_line(words_of(text, action), width), BLANK, *wrap_line(told, width, Token.DIM)]
 
 
 def window(rows: Sequence[Line], selected: int, height: int) -> tuple[int, list[Line]]:
@@ -212,7 +218,7 @@ def window(rows: Sequence[Line], selected: int, height: int) -> tuple[int, list[
     return first, list(rows[first : first + max(height, 0)])
 
 
-class Mode(StrEnum):
+class SettingsMode(StrEnum):
     """What the keys choose: a setting, an action, or they type the key of an action."""
 
     SETTINGS = "settings"
@@ -251,52 +257,58 @@ class SettingsPage(Page):
         left = Vertical(self._list, self._about, id="settings-left")
         right = Vertical(self._keys, self._key, id="settings-right")
         self.panels = (Horizontal(left, right), self._entry)
-        self._mode = Mode.SETTINGS
+        self._mode = SettingsMode.SETTINGS
         self._setting = self._action = 0
         self._above = 0
         self._shown_for: tuple[object, ...] = ()
 
     def act(self, action: str) -> None:
         """Select a setting or an action, change it, type a key."""
-        if self._mode is Mode.TYPING:
+        if self._mode is SettingsMode.TYPING:
             if action == "settings.change":
                 self._take_key()
         elif rows_moved(action) is not None:
             self._select(action)
-        elif action == "settings.previous" and self._mode is Mode.KEYS:
-            self._mode = Mode.SETTINGS
+        elif action == "settings.previous" and self._mode is SettingsMode.KEYS:
+            self._mode = SettingsMode.SETTINGS
         elif self.ui.answers(self.why_not(action, self.ui.view)):
             return
-        elif self._mode is Mode.KEYS:
+        elif self._mode is SettingsMode.KEYS:
             self._change_key(action)
         elif self._shown_setting == "keys":
-            self._mode = Mode.KEYS
+            self._mode = SettingsMode.KEYS
         elif action != "settings.remove":
-            change(self.ui, self._shown_setting, stepped(self.ui, self._shown_setting, CHANGES.get(action, 1)))
+            change(
+                self.ui, self._shown_setting, step_setting(self.ui, self._shown_setting, CHANGES.get(action, 1))
+            )
 
     def point(self, panel: Widget, row: int) -> None:
         """Choose the setting, or the action, in a row that was clicked."""
-        if panel is self._list and self._mode is Mode.SETTINGS and 0 <= row < len(SETTINGS):
+        if panel is self._list and self._mode is SettingsMode.SETTINGS and 0 <= row < len(SETTINGS):
             self._setting = row
-        elif panel is self._keys and self._mode is Mode.KEYS and 0 < row <= len(REMAPPABLE) - self._above:
+        elif panel is self._keys and self._mode is SettingsMode.KEYS and 0 < row <= len(REMAPPABLE) - self._above:
             self._action = self._above + row - 1  # below the head
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why a setting cannot be changed, or a key not removed."""
-        if rows_moved(action) is not None or (self._mode is Mode.KEYS and action == "settings.previous"):
+        if rows_moved(action) is not None or (self._mode is SettingsMode.KEYS and action == "settings.previous"):
             return ()
-        if self._mode is Mode.SETTINGS and self._shown_setting == "keys" and action not in ("settings.remove",):
+        if (
+            self._mode is SettingsMode.SETTINGS
+            and self._shown_setting == "keys"
+            and action not in ("settings.remove",)
+        ):
             return ()  # the list of the actions can always be read
         if action == "settings.remove":
-            if self._mode is Mode.SETTINGS:
+            if self._mode is SettingsMode.SETTINGS:
                 return (Problem(code="screen.own_keys_closed"),)
-            if self._chosen.id not in self.ui.appearance.keys:
+            if self._chosen_action.id not in self.ui.appearance.keys:
                 return (Problem(code="screen.own_key_none"),)
-        return why_not_change(self.ui, "keys" if self._mode is not Mode.SETTINGS else self._shown_setting)
+        return why_not_change(self.ui, "keys" if self._mode is not SettingsMode.SETTINGS else self._shown_setting)
 
     def show(self, view: View) -> None:
         """Show the settings, or the actions; both where there is room."""
-        self.set_class(self._mode is not Mode.SETTINGS, "-keys")
+        self.set_class(self._mode is not SettingsMode.SETTINGS, "-keys")
         self._entry.keep_focus()
         ui, sizes = self.ui, (self._list.size, self._about.size, self._keys.size, self._key.size)
         chosen = (self._mode, self._setting, self._action)
@@ -304,7 +316,7 @@ class SettingsPage(Page):
         if before != self._shown_for:
             self._show_settings()
             self._show_keys()
-        if self._mode is Mode.TYPING:
+        if self._mode is SettingsMode.TYPING:
             left = self._keys.region.x - self.region.x
             self._entry.styles.offset = (left + 3, 2 + self._action - self._above)
 
@@ -315,20 +327,20 @@ class SettingsPage(Page):
     def next_step(self, view: View) -> Line:
         """Return what the keys do."""
         name = str(self._mode)
-        if self._mode is Mode.SETTINGS and self._shown_setting == "keys":
+        if self._mode is SettingsMode.SETTINGS and self._shown_setting == "keys":
             name = "open_keys"
         return line((self.ui.text(f"settings.next.{name}"), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return what the selected setting or action is, uncut."""
-        if self._mode is Mode.SETTINGS:
+        if self._mode is SettingsMode.SETTINGS:
             return about_lines(self.ui, self._shown_setting, width)
-        return key_about(self.ui.text, self._chosen, self.ui.appearance.keys, width)
+        return key_about(self.ui.text, self._chosen_action, self.ui.appearance.keys, width)
 
     @property
     def field(self) -> FieldKind:
         """Free text while a key is typed: its name, not the key itself."""
-        return FieldKind.TEXT if self._mode is Mode.TYPING else FieldKind.NONE
+        return FieldKind.TEXT if self._mode is SettingsMode.TYPING else FieldKind.NONE
 
     def leave(self) -> None:
         """End an entry."""
@@ -339,14 +351,14 @@ class SettingsPage(Page):
         return SETTINGS[self._setting]
 
     @property
-    def _chosen(self) -> Action:
+    def _chosen_action(self) -> Action:
         return REMAPPABLE[self._action]
 
     def _select(self, action: str) -> None:
-        keys = self._mode is Mode.KEYS
+        keys = self._mode is SettingsMode.KEYS
         count, place = (len(REMAPPABLE), self._action) if keys else (len(SETTINGS), self._setting)
         page = max(self._keys.size.height - 2, 1) if keys else count
-        place = moved(place, rows_moved(action, page) or 0, count)
+        place = move_selection(place, rows_moved(action, page) or 0, count)
         if keys:
             self._action = place
         else:
@@ -355,26 +367,26 @@ class SettingsPage(Page):
     def _change_key(self, action: str) -> None:
         keys = self.ui.appearance.keys
         if action == "settings.remove":
-            self._keep({name: key for name, key in keys.items() if name != self._chosen.id})
+            self._keep({name: key for name, key in keys.items() if name != self._chosen_action.id})
             return
-        self._mode = Mode.TYPING
-        self._entry.begin(keys.get(self._chosen.id, ""))
+        self._mode = SettingsMode.TYPING
+        self._entry.begin(keys.get(self._chosen_action.id, ""))
 
     def _take_key(self) -> None:
         key, keys = key_typed(self._entry.value), self.ui.appearance.keys
-        others = {name: each for name, each in keys.items() if name != self._chosen.id}
-        if key and self.ui.answers(why_not_key(self._chosen, key, others, self.ui.text)):
+        others = {name: each for name, each in keys.items() if name != self._chosen_action.id}
+        if key and self.ui.answers(why_not_key(self._chosen_action, key, others, self.ui.text)):
             return
         self._end_typing()
-        self._keep({**others, self._chosen.id: key} if key else others)
+        self._keep({**others, self._chosen_action.id: key} if key else others)
 
     def _keep(self, keys: dict[str, str]) -> None:
         if not self.ui.answers(why_not_change(self.ui, "keys")):
             change(self.ui, "keys", replace(self.ui.appearance, keys=keys))
 
     def _end_typing(self) -> None:
-        if self._mode is Mode.TYPING:
-            self._mode = Mode.KEYS
+        if self._mode is SettingsMode.TYPING:
+            self._mode = SettingsMode.KEYS
             self._entry.close()
 
     def _show_settings(self) -> None:
@@ -382,15 +394,15 @@ class SettingsPage(Page):
         machine = printable(self.ui.machine.machine.name)
         self._list.show(setting_rows(self.ui, self._setting, width), text("page.settings"), machine)
         about = about_lines(self.ui, self._shown_setting, max(self._about.size.width, 1))
-        shown = clipped(about, self._about.size.height, text("panel.more"))
+        shown = clip_lines(about, self._about.size.height, text("panel.more"))
         self._about.show(shown, text(f"settings.{self._shown_setting}"))
 
     def _show_keys(self) -> None:
         text, own, (width, height) = self.ui.text, self.ui.appearance.keys, self._keys.size
-        chosen = None if self._mode is Mode.SETTINGS else self._action
+        chosen = None if self._mode is SettingsMode.SETTINGS else self._action
         rows = key_rows(text, own, chosen, width)
         self._above, shown = window(rows, self._action, max(height - 1, 1))
         place = text("settings.place", place=self._action + 1, all=len(rows))
         self._keys.show([key_head(text), *shown], text("settings.keys"), place)
-        about = key_about(text, self._chosen, own, max(self._key.size.width, 1))
-        self._key.show(clipped(about, self._key.size.height, text("panel.more")), text("settings.action"))
+        about = key_about(text, self._chosen_action, own, max(self._key.size.width, 1))
+        self._key.show(clip_lines(about, self._key.size.height, text("panel.more")), text("settings.action"))

@@ -15,7 +15,7 @@ from console.session.station import jogging
 from console.session.station.commands import ApplyGains, CheckHealth, Command, IdentifyTool, ReadLoop, RevertGains
 from console.session.station.state import Activity, StationState
 from console.session.tuning.proposal import GainFacts, gain_facts
-from console.session.tuning.standing import Gains, StandingTrial, listed
+from console.session.tuning.standing_trial import Gains, StandingTrial, format_gains
 from console.text.catalogue import Catalogue
 from console.tui.further.health_lines import (
     armed_lines,
@@ -34,16 +34,16 @@ from console.tui.lines import (
     NOTHING,
     Line,
     Sheet,
-    clipped,
+    clip_lines,
     dim,
     entitle,
-    fitted,
+    fit_text,
     hanging,
     line,
     to_the_right,
-    wrapped,
+    wrap_line,
 )
-from console.tui.page import Page, moved, rows_moved
+from console.tui.page import Page, move_selection, rows_moved
 from console.tui.plot.trace_view import TraceView
 from console.tui.records.background_reader import BackgroundReader, Problems
 from console.tui.theme import Token
@@ -51,7 +51,7 @@ from console.tui.ui_context import UiContext, View, refusal
 from drivers.cutting.strategy import Strategy
 from drivers.identification.health import HealthRequest, health_problems
 from drivers.identification.request import AMPLITUDE_UM, IdentificationRequest, request_problems
-from drivers.identification.rig import homed
+from drivers.identification.rig import is_homed
 from profiles.axis.loop_design import DESIGN_GAIN_MARGIN, DESIGN_SENSITIVITY
 from profiles.axis.margins import LEAST_PHASE_MARGIN_DEG, LoopMargins
 from profiles.axis.servo_gains import shown_names, stated_settings
@@ -151,7 +151,7 @@ def arm_reasons(kind: str, state: StationState, machine: MachineProfile) -> tupl
     snapshot = state.snapshot
     if snapshot is None or not snapshot.loops_closed:
         return (Problem(code="alignment.drives_off"),)
-    if not homed(snapshot):
+    if not is_homed(snapshot):
         return (Problem(code="alignment.not_homed"),)
     if jogging.tool_in_part(snapshot, machine, state.alignment):
         return (Problem(code="machine.tool_in_part"),)
@@ -160,7 +160,9 @@ def arm_reasons(kind: str, state: StationState, machine: MachineProfile) -> tupl
     return request_problems(IdentificationRequest(path=Strategy(kind)), machine)
 
 
-def asked(action: str, state: StationState, facts: GainFacts | Problems | None, now_s: float) -> AskedGains | None:
+def find_requested_gains(
+    action: str, state: StationState, facts: GainFacts | Problems | None, now_s: float
+) -> AskedGains | None:
     """Return what a first press asks for."""
     moment, until_s = _trial_moment(state), now_s + ARMED_S
     trial = state.trial
@@ -193,7 +195,9 @@ def gain_proposal_lines(facts: GainFacts, text: Catalogue, width: int) -> list[L
     )
     rests += hanging(dim("  "), asked, width, Token.DIM)
     if found is None:
-        told = [line for problem in facts.reasons for line in wrapped(text.problem(problem), width, Token.WARNING)]
+        told = [
+            line for problem in facts.reasons for line in wrap_line(text.problem(problem), width, Token.WARNING)
+        ]
         return told + rests
     lines = [row for each in facts.notes for row in hanging(("· ", Token.WARNING), text.problem(each), width)]
     lines.append(_gain_row("", text("tune_page.present"), text("tune_page.proposed"), head=True))
@@ -244,7 +248,7 @@ def _stiffness_rows(facts: GainFacts, text: Catalogue) -> list[Line]:
 def _gain_row(label: str, present: str, proposed: str, *, head: bool = False) -> Line:
     values = to_the_right(present, VALUE_WIDTH), to_the_right(proposed, VALUE_WIDTH)
     return line(
-        dim(f"  {fitted(label, LABEL_WIDTH)}"), dim(values[0]), (values[1], Token.DIM if head else Token.TEXT)
+        dim(f"  {fit_text(label, LABEL_WIDTH)}"), dim(values[0]), (values[1], Token.DIM if head else Token.TEXT)
     )
 
 
@@ -297,7 +301,7 @@ class HealthPanels(Vertical):
         if tests is None:
             lines = [line(dim(text("tune_page.computing")))]
         title = "tune_page.armed" if armed else "tune_page.figures"
-        self.figures.show(clipped(lines, size.height, text("panel.more")), text(title))
+        self.figures.show(clip_lines(lines, size.height, text("panel.more")), text(title))
         self.step.show(step_picture(None if test is None else test.result, before, text.units))
         entitle(self.step, text("tune_page.step"))
         trend = self.trend.size
@@ -325,7 +329,7 @@ def trial_lines(trial: StandingTrial, text: Catalogue, width: int) -> list[Line]
     heading = text("tune_page.on_trial" if trial.whole else "tune_page.trial_broken", date=date, by=by)
     lines = hanging(("! ", token), heading, width, token)
     if not trial.whole:
-        lines += [row for each in trial.problems for row in wrapped(text.problem(each), width, token)]
+        lines += [row for each in trial.problems for row in wrap_line(text.problem(each), width, token)]
     columns = (text("tune_page.before"), text("tune_page.applied"), text("tune_page.in_controller"))
     lines.append(line(dim(_trial_row("", *columns))))
     before, proposed, found = dict(trial.before), dict(trial.proposed), dict(trial.found)
@@ -339,11 +343,11 @@ def trial_lines(trial: StandingTrial, text: Catalogue, width: int) -> list[Line]
 def trial_warning(trial: StandingTrial, text: Catalogue, width: int) -> list[Line]:
     """Return the one sentence for the other views."""
     key = "tune_page.on_trial_short" if trial.whole else "tune_page.trial_broken_short"
-    return hanging(("! ", Token.WARNING), text(key, names=listed(trial.found)), width, Token.WARNING)
+    return hanging(("! ", Token.WARNING), text(key, names=format_gains(trial.found)), width, Token.WARNING)
 
 
 def _trial_row(name: str, *values: str) -> str:
-    return fitted(f"  {name}", NAME_WIDTH) + "".join(to_the_right(value, VALUE_WIDTH) for value in values)
+    return fit_text(f"  {name}", NAME_WIDTH) + "".join(to_the_right(value, VALUE_WIDTH) for value in values)
 
 
 class TunePage(Page):
@@ -392,7 +396,7 @@ class TunePage(Page):
         elif action == "tune.view":
             self._next_view()
         elif (by := rows_moved(action, self._list_rows)) is not None:
-            self._selected = moved(self._selected, by, self._count)
+            self._selected = move_selection(self._selected, by, self._count)
         elif action == "tune.kind":
             self._kind = KINDS[(KINDS.index(self._kind) + 1) % len(KINDS)]
             self._view = TuneView.TESTS
@@ -457,7 +461,7 @@ class TunePage(Page):
                 size = self._proposal.size
                 lines = [*trial, *self._proposal_lines(max(size.width, 1))]
                 title = self.ui.text("tune_page.proposal")
-                self._proposal.show(clipped(lines, size.height, self.ui.text("panel.more")), title)
+                self._proposal.show(clip_lines(lines, size.height, self.ui.text("panel.more")), title)
             else:
                 standing, width = view.state.trial, max(self._loop.facts.size.width, 1)
                 warning = [] if standing is None else trial_warning(standing, self.ui.text, width)
@@ -532,7 +536,7 @@ class TunePage(Page):
             self._asked = None
             return
         self._view, self._selected = TuneView.GAINS, 0
-        self._asked = asked(action, state, self._proposed, now_s)
+        self._asked = find_requested_gains(action, state, self._proposed, now_s)
 
     def _trial_lines(self, view: View, width: int | None = None) -> list[Line]:
         trial, waited = view.state.trial, self._asked

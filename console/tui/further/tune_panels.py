@@ -10,8 +10,8 @@ from textual.containers import Horizontal, Vertical
 from textual.geometry import Size
 
 from console.tui.further.loop_lines import (
-    Curve,
     LoopFacts,
+    ResponseCurve,
     heading,
     legend,
     loop_lines,
@@ -19,9 +19,9 @@ from console.tui.further.loop_lines import (
     response_lines,
 )
 from console.tui.further.problem_lines import problem_lines
-from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
+from console.tui.lines import Line, Sheet, clip_lines, dim, entitle, line
 from console.tui.plot.frame import nice_limits
-from console.tui.plot.trace_view import Mark, Series, TracePicture, TraceView
+from console.tui.plot.trace_view import PointMarks, Series, TracePicture, TraceView
 from console.tui.records.background_reader import Problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
@@ -41,15 +41,15 @@ class TuneView(StrEnum):
     GAINS = "gains"
 
 
-def bode_pictures(facts: LoopFacts, selected: Curve | None) -> tuple[TracePicture, TracePicture]:
+def bode_pictures(facts: LoopFacts, selected: ResponseCurve | None) -> tuple[TracePicture, TracePicture]:
     """Return gain in dB and phase in degrees over the frequency; what is far below the band is not shown."""
     return _picture(facts, selected, "gain_db", "dB", _LEAST_DB), _picture(
         facts, selected, "phase_deg", "°", _LEAST_DEG
     )
 
 
-def _picture(facts: LoopFacts, selected: Curve | None, name: str, unit: str, least: float) -> TracePicture:
-    def values(curve: Curve) -> np.ndarray:
+def _picture(facts: LoopFacts, selected: ResponseCurve | None, name: str, unit: str, least: float) -> TracePicture:
+    def values(curve: ResponseCurve) -> np.ndarray:
         found: np.ndarray = getattr(curve, name)
         return found
 
@@ -60,9 +60,9 @@ def _picture(facts: LoopFacts, selected: Curve | None, name: str, unit: str, lea
     limits = nice_limits(max(float(every.min()), least), float(every.max()))
     marks = []
     if facts.paper is not None:
-        marks.append(Mark(x=np.log10(facts.paper.hz), y=values(facts.paper), sign=PAPER, token=Token.MARK))
+        marks.append(PointMarks(x=np.log10(facts.paper.hz), y=values(facts.paper), sign=PAPER, token=Token.MARK))
     if selected is not None:
-        marks.append(Mark(x=np.log10(selected.hz), y=values(selected), sign=POINT, token=Token.BEFORE))
+        marks.append(PointMarks(x=np.log10(selected.hz), y=values(selected), sign=POINT, token=Token.BEFORE))
     series = [Series(x=np.log10(facts.model.hz), y=model, token=Token.AFTER)]
     return TracePicture(
         series=series, x_limits=X_LIMITS, y_limits=limits, y_unit=unit, x_unit="Hz", decades=True, marks=marks
@@ -132,13 +132,13 @@ class LoopPanels(Horizontal):
             return
         seen = facts.responses[selected] if selected < len(facts.responses) else None
         lines = [*warning, *loop_lines(facts, text, width)]
-        self.facts.show(clipped(lines, self.facts.size.height, text("panel.more")), heading(facts, text))
+        self.facts.show(clip_lines(lines, self.facts.size.height, text("panel.more")), heading(facts, text))
         size = self.responses.size
         reasons: list[Line] = [] if seen is None else reason_lines(seen, text, max(size.width, 1))
         room = max(size.height - min(len(reasons), max(size.height - 3, 0)), 1)
         rows = response_lines(facts.responses, selected, text, size.width, room)
         self.responses.show(
-            clipped([*rows, *reasons], size.height, text("panel.more")), text("tune_page.responses")
+            clip_lines([*rows, *reasons], size.height, text("panel.more")), text("tune_page.responses")
         )
         self._draw(facts, selected)
 

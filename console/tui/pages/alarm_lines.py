@@ -14,7 +14,7 @@ from console.session.station.history.alarm_history import (
 )
 from console.text.catalogue import Catalogue
 from console.tui.frame import MARKS
-from console.tui.lines import BLANK, Line, dim, fitted, hanging, line, to_the_right, wrapped
+from console.tui.lines import BLANK, Line, dim, fit_text, hanging, line, to_the_right, wrap_line
 from console.tui.theme import Token
 
 _NUMBER, _TIME, _STATE, _FIRST = 5, 9, 13, 10
@@ -29,16 +29,16 @@ def clock(at: datetime) -> str:
 
 def alarm_lines(history: AlarmHistory, selected: int, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the heading and the rows around the selected place; cost by what is shown."""
-    listed = history.listed
+    listed = history.list_entries
     first, room = window(len(listed), selected, height), max(height - 1, 1)
     number = to_the_right(text("alarms_page.number") + " ", 5 + _NUMBER)
-    time, state = fitted(text("alarms_page.time"), _TIME), fitted(text("alarms_page.state"), _STATE + _FIRST)
+    time, state = fit_text(text("alarms_page.time"), _TIME), fit_text(text("alarms_page.state"), _STATE + _FIRST)
     head = number + time + state + text("alarms_page.alarm")
     rows = [
         _row(history, entry, text, width, chosen=first + place == selected)
         for place, entry in enumerate(listed[first : first + room])
     ]
-    return [line(dim(fitted(head, width))), *rows][: max(height, 0)]
+    return [line(dim(fit_text(head, width))), *rows][: max(height, 0)]
 
 
 def window(count: int, selected: int, height: int) -> int:
@@ -53,10 +53,10 @@ def _row(history: AlarmHistory, entry: AlarmEntry, text: Catalogue, width: int, 
     times = f"×{entry.alarm.count} " if entry.alarm.count > 1 else ""
     first = text("alarms_page.first_out") if is_first_out(history, entry) else ""
     head = (
-        f"{mark}{entry.number:>{_NUMBER - 1}} {fitted(clock(entry.raised), _TIME)}"
-        f"{fitted(text(f'alarms_page.is.{state}'), _STATE)}{fitted(first, _FIRST)}"
+        f"{mark}{entry.number:>{_NUMBER - 1}} {fit_text(clock(entry.raised), _TIME)}"
+        f"{fit_text(text(f'alarms_page.is.{state}'), _STATE)}{fit_text(first, _FIRST)}"
     )
-    row = fitted(head + times + text.problem(entry.problem), width)
+    row = fit_text(head + times + text.problem(entry.problem), width)
     return ((row, Token.SELECTED if chosen else _TOKENS.get(state, Token.DIM)),)
 
 
@@ -92,7 +92,7 @@ def whole_lines(history: AlarmHistory, entry: AlarmEntry, text: Catalogue, width
         said.append(text("alarms_page.first_of", count=history.group_of(entry) - 1))
     elif entry.group != entry.number:
         said.append(text("alarms_page.follows", number=entry.group))
-    return [*wrapped(text.problem(entry.problem), width, token), *wrapped(" · ".join(said), width, Token.DIM)]
+    return [*wrap_line(text.problem(entry.problem), width, token), *wrap_line(" · ".join(said), width, Token.DIM)]
 
 
 def whole_title(entry: AlarmEntry, text: Catalogue) -> str:
@@ -107,7 +107,7 @@ def frequent_lines(history: AlarmHistory, text: Catalogue, width: int) -> list[L
     """Return the most frequent alarms of this session, a row each."""
     often = history.most_frequent(FREQUENT)
     return [
-        line(dim(f"{times:>4}× "), fitted(text.problem(problem), max(width - 6, 0))) for problem, times in often
+        line(dim(f"{times:>4}× "), fit_text(text.problem(problem), max(width - 6, 0))) for problem, times in often
     ]
 
 
@@ -118,7 +118,7 @@ def all_lines(
     lines: list[Line] = []
     if entry is not None:
         lines += [line((whole_title(entry, text), Token.TITLE)), *whole_lines(history, entry, text, width), BLANK]
-    lines += wrapped(rate_words(history, now_s, text), width)
+    lines += wrap_line(rate_words(history, now_s, text), width)
     often = history.most_frequent(FREQUENT)
     if often:
         lines += [BLANK, line((text("alarms_page.frequent"), Token.TITLE))]

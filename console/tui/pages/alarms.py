@@ -7,8 +7,8 @@ from textual.widget import Widget
 from console.session.station.history.alarm_history import AlarmEntry, AlarmHistory, AlarmState
 from console.tui.further.log_lines import log_part
 from console.tui.keymap import PageName
-from console.tui.lines import Line, Sheet, clipped, line, wrapped
-from console.tui.page import Page, moved, rows_moved
+from console.tui.lines import Line, Sheet, clip_lines, line, wrap_line
+from console.tui.page import Page, move_selection, rows_moved
 from console.tui.pages.alarm_lines import (
     alarm_lines,
     all_lines,
@@ -65,7 +65,7 @@ class AlarmsPage(Page):
 
     def point(self, panel: Widget, row: int) -> None:
         """Choose the alarm in a row that was clicked, below the heading."""
-        listed = self._history.listed
+        listed = self._history.list_entries
         place = window(len(listed), self._place, self._list.size.height) + row - 1
         if panel is self._list and row > 0 and place < len(listed):
             self._number = listed[place].number if place else None
@@ -119,20 +119,20 @@ class AlarmsPage(Page):
 
     @property
     def _place(self) -> int:
-        listed = self._history.listed
+        listed = self._history.list_entries
         return next((place for place, entry in enumerate(listed) if entry.number == self._number), 0)
 
     @property
     def _entry(self) -> AlarmEntry | None:
-        listed = self._history.listed
+        listed = self._history.list_entries
         return listed[self._place] if listed else None
 
     def _select(self, action: str) -> None:
-        listed = self._history.listed
+        listed = self._history.list_entries
         if not listed:
             return
         by = rows_moved(action, max(self._list.size.height - 2, 1)) or 0
-        place = moved(self._place, by, len(listed))
+        place = move_selection(self._place, by, len(listed))
         self._number = listed[place].number if place else None
 
     def _acknowledge_all(self) -> None:
@@ -151,24 +151,24 @@ class AlarmsPage(Page):
         width, height = self._list.size
         self.set_class(entry is None, "-empty")
         if entry is None:
-            rows = wrapped(text("alarms_page.none"), max(width, 1), Token.DIM)
+            rows = wrap_line(text("alarms_page.none"), max(width, 1), Token.DIM)
             self._list.show(rows[:height], title_words(history, text), rate_words(history, view.now_s, text))
         else:
             rows = alarm_lines(history, self._place, text, width, height)
             rate = rate_words(history, view.now_s, text)
-            hidden = self._hidden_words(len(history.listed), height)
+            hidden = self._hidden_words(len(history.list_entries), height)
             self._list.show(rows, title_words(history, text), f"{rate}  {hidden}".rstrip())
             whole = whole_lines(history, entry, text, max(self._whole.size.width, 1))
-            lines = clipped(whole, self._whole.size.height, text("panel.more"))
+            lines = clip_lines(whole, self._whole.size.height, text("panel.more"))
             self._whole.show(lines, whole_title(entry, text), "")
         frequent = frequent_lines(history, text, self._frequent.size.width)
         self._frequent.show(frequent, text("alarms_page.frequent"), "")
 
     def _hidden_words(self, count: int, height: int) -> str:
         first = window(count, self._place, height)
-        return self._around(first, count - first - max(height - 1, 1))
+        return self._describe_hidden_rows(first, count - first - max(height - 1, 1))
 
-    def _around(self, above: int, below: int) -> str:
+    def _describe_hidden_rows(self, above: int, below: int) -> str:
         text = self.ui.text
         said = [f"↑ {text('jobs_page.above', count=above)}"] if above > 0 else []
         said += [f"↓ {text('jobs_page.below', count=below)}"] if below > 0 else []

@@ -11,7 +11,7 @@ from textual.containers import Vertical
 
 from console.session.cut.alignment import AlignStep, step_now
 from console.session.cut.jaw_by_indicator import allowed_spread_deg, between_deg
-from console.session.guide.refusals import refused
+from console.session.guide.refusals import find_refusals
 from console.session.guide.rows import ALIGN, row_of
 from console.session.guide.situation import NEAR_MARK_DEG, Situation, angle_deg
 from console.session.guide.waiting import waiting
@@ -130,7 +130,7 @@ class AlignPage(Page):
             Vertical(self._steps, self._why, self._chuck, classes="right"),
             self._entry,
         )
-        self._jog = JogKeys(ui, self._later)
+        self._jog = JogKeys(ui, self._schedule_call)
         self._ask = AskKeys(ui, self._entry, self._jog)
         self._warned_s: float | None = None
         self._axes.border_title = ui.text("align_page.axes")
@@ -181,7 +181,7 @@ class AlignPage(Page):
         if action in JOGS:
             self._jog.press(action)
         else:
-            self._jog.heard(action)
+            self._jog.drop_waiting_steps(action)
             answers: dict[str, Callable[[str], None]] = {
                 "align.step": self._do_step,
                 "align.take": self._take,
@@ -212,9 +212,9 @@ class AlignPage(Page):
             return (hold_the_key(),)
         if action in ("align.larger", "align.smaller"):
             return ()
-        return refused(action, self._now(view), KEYS[action])
+        return find_refusals(action, self._present_situation(view), KEYS[action])
 
-    def _now(self, view: View) -> Situation:
+    def _present_situation(self, view: View) -> Situation:
         return Situation(state=view.state, work=view.work, machine=self.ui.machine.machine, now_s=view.now_s)
 
     @property
@@ -226,8 +226,8 @@ class AlignPage(Page):
         """Return what to do now."""
         text, state, job = self.ui.text, view.state, view.job
         if self._ask.is_open:
-            return line((text(f"align_page.next.asked_{self._ask.asked}"), Token.ACTION))
-        row = row_of(ALIGN, self._now(view))
+            return line((text(f"align_page.next.asked_{self._ask.entry_kind}"), Token.ACTION))
+        row = row_of(ALIGN, self._present_situation(view))
         facts = {"force": "", "radius": "", "angle": ""}
         if job is not None:
             facts |= {"force": f"{job.chucking_force_n:.0f}", "radius": text.units.figure(job.radius_mm, "mm", 3)}
@@ -240,12 +240,12 @@ class AlignPage(Page):
         text, state = self.ui.text, view.state
         if self._ask.is_open:
             return asked_lines(text, self._ask.question(view), width, None)
-        why = align_lines.why_lines(text, self._now(view), width, None)
+        why = align_lines.why_lines(text, self._present_situation(view), width, None)
         return [*why, BLANK, *jog_lines(text, self._jog.view(state, view.now_s), width, None)]
 
-    def heard(self, action: str | None) -> None:
+    def note_action(self, action: str | None) -> None:
         """Drop the steps of a jog key that wait, at any other key."""
-        self._jog.heard(action)
+        self._jog.drop_waiting_steps(action)
 
     def leave(self) -> None:
         """Disable the jog; a step in progress ends with the page."""
@@ -270,7 +270,7 @@ class AlignPage(Page):
 
     def _do_step(self, key: str) -> None:
         """Run the present step, where the machine does it (F4)."""
-        job, now = self.ui.job, self._now(self.ui.view)
+        job, now = self.ui.job, self._present_situation(self.ui.view)
         if self.ui.answers(self.why_not(key, self.ui.view)):
             return
         match now.step:
@@ -339,7 +339,7 @@ class AlignPage(Page):
 
     def _show_why(self, view: View, seen: JawSeen | None, jaws: int) -> None:
         """Show what to do and what is missing, with the chuck where there is room; for jaw 1 before the rest."""
-        text, now, (width, height) = self.ui.text, self._now(view), self._why.size
+        text, now, (width, height) = self.ui.text, self._present_situation(view), self._why.size
         rows = align_lines.why_lines(text, now, width, None)
         first = now.step is AlignStep.JAW
         room = PICTURE_ROWS if first and height > 2 * PICTURE_ROWS else height - len(rows)
@@ -379,7 +379,7 @@ class AlignPage(Page):
         self._ask.keep(view.state)
         self.set_class(self._ask.is_open, "-asking")
         if self._ask.is_open:
-            title = asked_title(self.ui.text, self._ask.asked)
+            title = asked_title(self.ui.text, self._ask.entry_kind)
             self._asked.show(asked_lines(self.ui.text, self._ask.question(view), *self._asked.size), title)
 
     def _switch_off(self, key: str) -> None:
@@ -387,7 +387,7 @@ class AlignPage(Page):
         if not stops and not self.ui.answers(self.why_not(key, self.ui.view)):
             self.ui.control.post(commands.DisableDrives())
 
-    def _later(self, after_s: float, call: Callable[[], None]) -> None:
+    def _schedule_call(self, after_s: float, call: Callable[[], None]) -> None:
         if self.is_attached:
             self.set_timer(after_s, call)
 

@@ -10,7 +10,18 @@ from numpy.typing import NDArray
 from console.session.cut.telemetry import SpindleRipple
 from console.session.station.progress import CutProgress, CutStage
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, dim, fact, line, ranged, to_the_right, width_of, wrapped
+from console.tui.lines import (
+    BLANK,
+    NOTHING,
+    Line,
+    dim,
+    fact,
+    justify_line,
+    line,
+    to_the_right,
+    width_of,
+    wrap_line,
+)
 from console.tui.plot.big_number import big_number
 from console.tui.theme import Token
 from profiles.job import Job
@@ -27,13 +38,13 @@ def progress_line(text: Catalogue, cut: CutProgress, width: int) -> Line:
     if cut.stage in BEFORE_CUT:
         stage = text(f"run_page.stage.{cut.stage}")
         coming = text("run_page.progress_before", stage=stage, turns=turns, length=length)
-        return ranged(line((coming, Token.STRONG)), BLANK, width)
+        return justify_line(line((coming, Token.STRONG)), BLANK, width)
     percent = f" {100.0 * cut.fraction:3.0f} %"
     turn, z, left = f"{cut.turn:.0f}", text.units.figure(cut.z_mm, "mm", 1), f"{cut.left_s:.0f}"
     head = text("run_page.progress", turn=turn, turns=turns, z=z, length=length, left=left)
     words = line((head, Token.STRONG))
     room = width - width_of(words) - len(percent) - 2
-    return ranged(words, line(bar(cut.fraction, min(max(room, 0), 40)), percent), width)
+    return justify_line(words, line(bar(cut.fraction, min(max(room, 0), 40)), percent), width)
 
 
 def bar(fraction: float, cells: int) -> str:
@@ -63,7 +74,7 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
     stage = text("run_page.holding") if cut.holding else text(f"run_page.stage.{cut.stage}")
     if cut.hold.asked and cut.stage is CutStage.CUT and not cut.holding:
         stage = text("run_page.hold_asked")
-    not_judged = wrapped(text("run_page.not_judged"), width, Token.DIM)
+    not_judged = wrap_line(text("run_page.not_judged"), width, Token.DIM)
     return [
         fact(text("run_page.live.stage"), stage, width, label_width=LABEL_WIDTH, token=Token.STRONG),
         row("speed", NOTHING if speed_rpm is None else f"{speed_rpm:z.0f} rpm"),

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 from console.session.station.state import StationState
 from console.session.typed_number import stored_length
-from console.session.work import NO_VALUE, Work, edited
+from console.session.work import NO_VALUE, Work, edit_field
 from console.text.catalogue import Catalogue
-from console.tui.ui_context import locked
+from console.tui.ui_context import find_job_lock
 from console.units import Units
-from profiles.fields import Field, Kind
+from profiles.fields import Field, FieldType
 from profiles.job import JOB_FIELDS, Job
 from profiles.machine_copy import MOST_CHARACTERS, unfit_name
 from profiles.problem import Problem, ProfileError
@@ -35,14 +35,14 @@ class FormField:
         return _LIMITS[self.key]
 
     @property
-    def chosen(self) -> bool:
+    def has_choices(self) -> bool:
         """Whether the field steps through choices instead of taking an entry."""
-        return self.rule.kind is Kind.CHOICE
+        return self.rule.kind is FieldType.CHOICE
 
     @property
     def numeric(self) -> bool:
         """Whether the field takes a number."""
-        return self.rule.kind in (Kind.NUMBER, Kind.WHOLE)
+        return self.rule.kind in (FieldType.NUMBER, FieldType.WHOLE)
 
 
 FORM: tuple[FormField, ...] = (
@@ -74,7 +74,7 @@ STEPS = {
 _NAMED = {field.key for field in FORM} | {"lobe_error_um_pp"}
 
 
-def written(field: FormField, job: Job, units: Units) -> str:
+def format_field(field: FormField, job: Job, units: Units) -> str:
     """Return the value of a field in the shown units, without mark and unit, as it could be typed."""
     value = getattr(job, field.key)
     if value is None:
@@ -84,13 +84,13 @@ def written(field: FormField, job: Job, units: Units) -> str:
 
 def entry_of(field: FormField, work: Work, units: Units) -> str:
     """Return what an entry begins with: the value of the field, nothing for a missing one."""
-    return "" if field.key in work.missing else written(field, work.job, units)
+    return "" if field.key in work.missing else format_field(field, work.job, units)
 
 
 def with_unit(field: FormField, job: Job, units: Units) -> str:
     """Return the value of a field with mark and unit: "D 52.000 mm"."""
     unit = "" if getattr(job, field.key) is None else units.unit(field.rule.unit)
-    return f"{field.mark}{written(field, job, units)} {unit}".strip()
+    return f"{field.mark}{format_field(field, job, units)} {unit}".strip()
 
 
 def limit_of(field: FormField, units: Units) -> str:
@@ -104,7 +104,9 @@ def limit_of(field: FormField, units: Units) -> str:
         ("< ", rule.below, True),
         ("<= ", rule.at_most, True),
     )
-    said = [f"{sign}{units.bound(bound, rule.unit, upper=up)}" for sign, bound, up in pairs if bound is not None]
+    said = [
+        f"{sign}{units.format_limit(bound, rule.unit, upper=up)}" for sign, bound, up in pairs if bound is not None
+    ]
     return " ".join(filter(None, (", ".join(said), units.unit(rule.unit))))
 
 
@@ -117,7 +119,7 @@ def bounds(field: FormField, units: Units) -> str:
     tiny = least is not None and most is not None and 0 < least <= NEXT_TO_NOTHING * most
     pairs = ((">", 0.0 if tiny else rule.above), ("≥", None if tiny else least), ("<", rule.below), ("≤", most))
     shown = ((sign, bound, sign in ("<", "≤")) for sign, bound in pairs if bound is not None)
-    return " ".join(f"{sign}{units.bound(bound, rule.unit, upper=upper)}" for sign, bound, upper in shown)
+    return " ".join(f"{sign}{units.format_limit(bound, rule.unit, upper=upper)}" for sign, bound, upper in shown)
 
 
 def why_not_changed(action: str, work: Work | None, state: StationState) -> tuple[Problem, ...]:
@@ -126,7 +128,7 @@ def why_not_changed(action: str, work: Work | None, state: StationState) -> tupl
         return (Problem(code="screen.no_job"),)
     if action == "setup.undo" and not work.undo:
         return (Problem(code="screen.nothing_to_undo"),)
-    lock = locked(state, *LOCKED)
+    lock = find_job_lock(state, *LOCKED)
     if lock is not None and action in ("setup.edit", "setup.undo", "setup.save_as"):
         return (lock,)
     if action == "setup.save_as" and work.missing:
@@ -135,34 +137,34 @@ def why_not_changed(action: str, work: Work | None, state: StationState) -> tupl
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class EntryResult:
     """Result of an entry: the work with it, or the problems and the work as it was."""
 
     work: Work
     problems: tuple[Problem, ...] = ()
 
 
-def judge(work: Work, field: FormField, typed: str, units: Units) -> Judged:
+def judge(work: Work, field: FormField, typed: str, units: Units) -> EntryResult:
     """Return how an entry in the shown units was understood; an empty or unchanged one keeps the value."""
     plain = typed.strip()
     # In inches what is shown may be rounded: an entry that is left as it began is no edit.
     if not plain or plain == entry_of(field, work, units):
-        return Judged(work=work)
+        return EntryResult(work=work)
     unit, shown, limit = field.rule.unit, units.unit(field.rule.unit), limit_of(field, units)
     try:
         if field.numeric:
             typed = stored_length(typed, field.key, limit, unit, units)
-        return Judged(work=edited(work, field.key, typed))
+        return EntryResult(work=edit_field(work, field.key, typed))
     except ProfileError as error:
         if shown == unit:
-            return Judged(work=work, problems=tuple(error.problems))
+            return EntryResult(work=work, problems=tuple(error.problems))
         # The refusal quotes what was typed, and the range in the same unit.
-        return Judged(
+        return EntryResult(
             work=work, problems=tuple(replace(each, value=plain, limit=limit) for each in error.problems)
         )
 
 
-def named(problem: Problem, text: Catalogue) -> Problem:
+def name_field(problem: Problem, text: Catalogue) -> Problem:
     """Return the problem with its field named as in the form."""
     return replace(problem, key=text(f"setup.{problem.key}")) if problem.key in _NAMED else problem
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from console.session.data.trace_folder import export_trace
 from console.session.guide.measured_part import fails, follows_lobe, is_taken
-from console.session.guide.refusals import LOOKS, refused
+from console.session.guide.refusals import LOOKS, find_refusals
 from console.session.guide.rows import INSPECT, row_of
 from console.session.guide.situation import Situation
 from console.session.learning.calibrating import PartLobe
@@ -15,22 +15,22 @@ from console.session.station.commands import CorrectTouchOff, Measure
 from console.session.station.state import MeasuredPart, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.tui.calibrating.draft import TYPED_OUT, value_of
+from console.tui.calibration.draft import TYPED_OUT, value_of
 from console.tui.entry import CalibrateEntry
 from console.tui.gate import FieldKind
-from console.tui.inspecting.comparison import (
+from console.tui.inspection.comparison import (
     VERDICT,
-    Comparison,
     DisplayFilter,
+    PartComparison,
     compare_parts,
     list_supported_upr,
     next_circle,
     next_filter,
 )
-from console.tui.inspecting.panels import MOST_ZOOM, InspectCharts, full_lines
-from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
+from console.tui.inspection.panels import MOST_ZOOM, InspectCharts, full_lines
+from console.tui.inspection.part_chooser import OPEN_KEYS, PartChooser
 from console.tui.keymap import PageName, RowKey, row_keys
-from console.tui.lines import BLANK, Line, Sheet, clipped, hanging, line, wrapped
+from console.tui.lines import BLANK, Line, Sheet, clip_lines, hanging, line, wrap_line
 from console.tui.page import ChartPage
 from console.tui.pages.learn_lines import certified_lines, force_lines, head_lines, learn_lines, learn_title
 from console.tui.pages.learning_keys import accept_part, revert_version
@@ -55,7 +55,7 @@ _MARK = ("! ", Token.WARNING)
 def lobe_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int) -> list[Line]:
     """Return the fitted lobe with its confidence, why the job cannot take it, and what to know before it does."""
     lines = _plain_lines(lobe, work, text, width)
-    lines += [] if lobe.found is None else wrapped(_found_words(lobe.found, text), width)
+    lines += [] if lobe.found is None else wrap_line(_found_words(lobe.found, text), width)
     problems = (*lobe.reasons, *(() if lobe.found is None else lobe.found.warnings))
     for problem in problems:
         lines += hanging(_MARK, text.problem(problem), width, Token.WARNING)
@@ -65,13 +65,13 @@ def lobe_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int) -
 def _plain_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int) -> list[Line]:
     """Return in plain words what the lobe is for, or that there is none."""
     if lobe.found is None or (lobe.reasons and not is_taken(lobe, work)):
-        return wrapped(text("inspect_page.plain.no_lobe"), width, Token.STRONG)
+        return wrap_line(text("inspect_page.plain.no_lobe"), width, Token.STRONG)
     if is_taken(lobe, work) and work is not None:
         word = "lobe_taken" if follows_lobe(work) else "lobe_in_job"
         words = text(f"inspect_page.{word}", job=work.job.name, strategy=work.strategy)
-        return wrapped(words, width, Token.STRONG)
+        return wrap_line(words, width, Token.STRONG)
     error = text.units.figure(lobe.found.fit.error_um_pp, "um", 1)
-    return wrapped(text("inspect_page.plain.lobe", error=error), width, Token.STRONG)
+    return wrap_line(text("inspect_page.plain.lobe", error=error), width, Token.STRONG)
 
 
 def _found_words(found: FoundLobe, text: Catalogue) -> str:
@@ -141,7 +141,7 @@ class InspectPage(ChartPage):
         self._entry = CalibrateEntry()
         self.panels = (self._learn, self._charts, self._message, self._chooser, self._parts, self._entry)
         self.texts = (self._learn, self._message, *self._charts.texts)
-        self._seen: Comparison | None = None
+        self._seen: PartComparison | None = None
         self._of: tuple[object, ...] = ()
         self._looked, self._zoom, self._is_spectrum = VERDICT, 0, False
         self._trace: Trace | None = None
@@ -197,7 +197,7 @@ class InspectPage(ChartPage):
             self._parts.refresh_list()
         else:
             self.set_class(self._is_spectrum, "-spectrum")
-            looks = (self._looked, self._zoom, self._is_spectrum, self._parts.taken())
+            looks = (self._looked, self._zoom, self._is_spectrum, self._parts.take_choice())
             if looks != self._looks:
                 self._looks, self._painted_for = looks, []
             super().show(view)
@@ -210,9 +210,9 @@ class InspectPage(ChartPage):
             return self._parts.why_not(action)
         if action in LOOKS and view.state.measured is not None:
             return self._why_not_looked(action, view)
-        return refused(action, self._now(view), KEYS[action])
+        return find_refusals(action, self._present_situation(view), KEYS[action])
 
-    def _now(self, view: View) -> Situation:
+    def _present_situation(self, view: View) -> Situation:
         return Situation(state=view.state, work=view.work, machine=self.ui.machine.machine, now_s=view.now_s)
 
     @property
@@ -247,7 +247,7 @@ class InspectPage(ChartPage):
             return line((self._parts.next_words(), Token.ACTION))
         if self._asks and view.state.measured is not None:
             return line((self.ui.text("inspect_page.next_question"), Token.ACTION))
-        return line((self.ui.text(row_of(INSPECT, self._now(view)).sentence), Token.ACTION))
+        return line((self.ui.text(row_of(INSPECT, self._present_situation(view)).sentence), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return the learning step of the last part or why none, and every figure of it; or how to get a part."""
@@ -260,7 +260,7 @@ class InspectPage(ChartPage):
             return self._message_lines(view.state, width)
         rows: list[Line] = []
         if self._asks:
-            rows = wrapped(text("inspect_page.next_question"), width)
+            rows = wrap_line(text("inspect_page.next_question"), width)
         elif part.lobe is not None:
             rows = lobe_lines(part.lobe, view.work, text, width)
         elif part.learning is not None:
@@ -324,7 +324,7 @@ class InspectPage(ChartPage):
         if action == "inspect.circle":
             self._looked = next_circle(self._looked)
         elif action == "inspect.filter":
-            self._looked = self._filtered(part)
+            self._looked = self._next_filter(part)
         elif action == "inspect.view":
             self._is_spectrum, self._zoom = not self._is_spectrum, 0
         elif action == "inspect.whole":
@@ -340,11 +340,11 @@ class InspectPage(ChartPage):
         if action in ZOOMS and abs(self._zoom + ZOOMS[action]) > MOST_ZOOM:
             return (Problem(code="screen.zoom_end"),)
         if action == "inspect.filter" and part is not None:
-            if self._filtered(part) == self._looked:
+            if self._next_filter(part) == self._looked:
                 return (Problem(code="screen.one_filter", value=str(part.trace.angle_deg.size)),)
         return ()
 
-    def _filtered(self, part: MeasuredPart) -> DisplayFilter:
+    def _next_filter(self, part: MeasuredPart) -> DisplayFilter:
         """Return the part with the next filter that all shown traces allow."""
         supported = list_supported_upr([part.trace]) if self._seen is None else self._seen.supported
         return next_filter(self._looked, part.result.filter_upr, supported)
@@ -387,7 +387,7 @@ class InspectPage(ChartPage):
         part, text, room = view.state.measured, self.ui.text, self._learn.size
         if part is not None and part.lobe is not None:
             rows = lobe_lines(part.lobe, view.work, text, max(room.width, 1))
-            self._learn.show(clipped(rows, room.height, text("panel.more")), text("inspect_page.lobe_title"))
+            self._learn.show(clip_lines(rows, room.height, text("panel.more")), text("inspect_page.lobe_title"))
             self._grant(len(rows))
             return
         if part is None or part.learning is None:
@@ -413,7 +413,7 @@ class InspectPage(ChartPage):
 
     def _compare(self, state: StationState) -> None:
         """Compare the part anew where anything of it or of how it is looked at has changed."""
-        other = self._parts.taken()
+        other = self._parts.take_choice()
         of = (state.measured, state.uncompensated, self._looked, other)
         if len(of) == len(self._of) and all(a is b for a, b in zip(of, self._of, strict=True)):
             return
@@ -421,7 +421,7 @@ class InspectPage(ChartPage):
         try:
             self._seen = compare_parts(state, self._looked, other)
         except ProfileError as error:  # only what is looked at: the part itself was judged
-            self.ui.said = tuple(error.problems)
+            self.ui.key_answer = tuple(error.problems)
             self._looked = VERDICT
             self._parts.forget()
             self._of = (state.measured, state.uncompensated, VERDICT, None)
@@ -431,7 +431,7 @@ class InspectPage(ChartPage):
 
     def _message_lines(self, state: StationState, width: int) -> list[Line]:
         text = self.ui.text
-        lines = wrapped(text("inspect_page.nothing"), width)
+        lines = wrap_line(text("inspect_page.nothing"), width)
         what = "how_measure" if state.cut_done else "how_cut"
-        how = wrapped(text(f"inspect_page.{what}{'' if state.simulated else '_outside'}"), width)
+        how = wrap_line(text(f"inspect_page.{what}{'' if state.simulated else '_outside'}"), width)
         return [*lines, BLANK, *how, *mark_lines(text, state.marks_mm, width, "inspect_page")]

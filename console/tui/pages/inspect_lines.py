@@ -10,8 +10,20 @@ from console.session.data.run_rows import MODEL
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
-from console.tui.inspecting.comparison import Comparison, Side
-from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
+from console.tui.inspection.comparison import PartComparison, Side
+from console.tui.lines import (
+    BLANK,
+    NOTHING,
+    Line,
+    Piece,
+    clip_lines,
+    dim,
+    fit_text,
+    hanging,
+    justify_line,
+    line,
+    wrap_line,
+)
 from console.tui.pages.learn_lines import cut_words
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.pages.stop_lines import mark_lines
@@ -26,7 +38,7 @@ _COLUMN = 9
 _CHOSEN = " ▸"
 
 
-def named(result: RoundnessResult, text: Catalogue, circle: str | None = None) -> str:
+def name_evaluation(result: RoundnessResult, text: Catalogue, circle: str | None = None) -> str:
     """Return the state, circle and filter that apply to all figures of a result, about its circle or another."""
     filtered = filter_words(result, text)
     return " · ".join((text(f"state.{result.state}"), circle or result.reference_circle, filtered))
@@ -38,7 +50,7 @@ def filter_words(result: RoundnessResult, text: Catalogue) -> str:
     return text("inspect_page.filtered", upr=f"{upr:g}") if upr else text("inspect_page.unfiltered")
 
 
-def caption_lines(seen: Comparison, text: Catalogue, width: int, *, beyond: bool = False) -> list[Line]:
+def caption_lines(seen: PartComparison, text: Catalogue, width: int, *, beyond: bool = False) -> list[Line]:
     """Return the legend of the traces, and where jaw 1 is; or that the zoom leaves something `beyond` the plot."""
     before, after = seen.before, seen.after
     what = text("inspect_page.measured_before") if before.result else text("inspect_page.stated")
@@ -49,12 +61,12 @@ def caption_lines(seen: Comparison, text: Catalogue, width: int, *, beyond: bool
         how = text("inspect_page.measured_after", strategy=seen.part.strategy.value)
         lines.append(_trace_words((AFTER_KEY, Token.AFTER), how, after.ront_um, text, width))
     if beyond:
-        return [*lines, line((fitted(text("inspect_page.beyond"), width), Token.WARNING))]
+        return [*lines, line((fit_text(text("inspect_page.beyond"), width), Token.WARNING))]
     if seen.other is not None and seen.part.phase_known and before.jaw_1_deg is None:
-        return [*lines, line((fitted(text("inspect_page.not_turned"), width), Token.WARNING))]
+        return [*lines, line((fit_text(text("inspect_page.not_turned"), width), Token.WARNING))]
     angle = f"{seen.part.jaw_1_deg:.1f}"
     jaw = text("inspect_page.jaw", angle=angle) if seen.part.phase_known else text("inspect_page.jaw_unknown")
-    return [*lines, line(dim(fitted(jaw, width)))]
+    return [*lines, line(dim(fit_text(jaw, width)))]
 
 
 def scale_words(
@@ -64,12 +76,12 @@ def scale_words(
     words = [
         text(
             "inspect_page.scale_zoomed" if zoomed else "inspect_page.scale",
-            value=text.units.short(um_per_division, "um"),
+            value=text.units.format_short(um_per_division, "um"),
         )
     ]
     if tolerance_um is not None:
         key = "tolerance" if ringed else "tolerance_small"
-        words.append(text(f"inspect_page.{key}", value=text.units.short(tolerance_um, "um")))
+        words.append(text(f"inspect_page.{key}", value=text.units.format_short(tolerance_um, "um")))
     return " · ".join(words)
 
 
@@ -94,7 +106,13 @@ def wrong_lines(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
 
 
 def result_lines(
-    seen: Comparison, simulated: bool, text: Catalogue, width: int, height: int, *, lobe_elsewhere: bool = False
+    seen: PartComparison,
+    simulated: bool,
+    text: Catalogue,
+    width: int,
+    height: int,
+    *,
+    lobe_elsewhere: bool = False,
 ) -> list[Line]:
     """Return the table of both parts and the verdict; in little room lesser figures go, not the defects.
 
@@ -110,9 +128,9 @@ def result_lines(
         )
         for name, key in (("RONp", "ronp_um"), ("RONv", "ronv_um"), ("RONq", "ronq_um"))
     ]
-    gained, lines, lobe = _gained(seen, text, width), _verdict(seen, text, width), list[Line]()
+    gained, lines, lobe = _reduction_lines(seen, text, width), _verdict(seen, text, width), list[Line]()
     if simulated:
-        lines += wrapped(text("inspect_page.simulated"), width, Token.SIM)
+        lines += wrap_line(text("inspect_page.simulated"), width, Token.SIM)
     if not lobe_elsewhere:
         lobe = _lobe_rows(seen, text, width)
     wrong = wrong_lines(seen.part, text, width)
@@ -127,11 +145,11 @@ def result_lines(
     lobe, gained, lesser = kept
     shown = [*head, *circles, *diameter, *lesser, *lobe, *gained, *lines, *wrong]
     if room > 1 and before.result is None and seen.after is not None:
-        shown += [BLANK, *wrapped(text("inspect_page.stated_long"), width, Token.DIM)]
-    return clipped(shown, height, text("panel.more"))
+        shown += [BLANK, *wrap_line(text("inspect_page.stated_long"), width, Token.DIM)]
+    return clip_lines(shown, height, text("panel.more"))
 
 
-def _ront(seen: Comparison, kind: str, text: Catalogue, width: int) -> Line:
+def _ront(seen: PartComparison, kind: str, text: Catalogue, width: int) -> Line:
     """Return RONt of both parts about one circle; the one that is drawn is marked."""
     before, after = seen.before, seen.after
     one, two = (NOTHING if side is None else _ront_of(side, kind, text) for side in (before, after))
@@ -146,7 +164,7 @@ def _ront_of(side: Side, kind: str, text: Catalogue) -> str:
     return text.units.figure(side.result.circle(kind).ront_um, "um", 2)
 
 
-def _lobe_rows(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
+def _lobe_rows(seen: PartComparison, text: Catalogue, width: int) -> list[Line]:
     """Return the lobe, peak to peak, and its angle from jaw 1."""
     jaws = seen.part.job.jaws
     return [_harmonic(seen, jaws, text, width, Token.TEXT), _phases(seen, jaws, text, width)]
@@ -159,7 +177,7 @@ def _diameter(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
         return []
     name = text("inspect_page.diameter_taken" if part.offset_taken else "inspect_page.diameter")
     return [
-        ranged(
+        justify_line(
             line(dim(name)),
             line(
                 f" {text.units.figure(diameter_mm, 'mm', 3)} ",
@@ -170,7 +188,7 @@ def _diameter(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
     ]
 
 
-def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -> list[Line]:
+def harmonic_lines(seen: PartComparison, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the harmonics of both parts, those of the jaws first, and the phase of the lobe from jaw 1."""
     jaws, result = seen.part.job.jaws, seen.result
     known = [harmonic.n for harmonic in result.harmonics]
@@ -194,14 +212,14 @@ def phase_from_jaw_deg(side: Side, n: int) -> float | None:
 
 
 def _trace_words(key: Piece, what: str, ront_um: float, text: Catalogue, width: int) -> Line:
-    return ranged(line(key, " ", what), line((f" {text.units.show(ront_um, 'um', 2)}", key[1])), width)
+    return justify_line(line(key, " ", what), line((f" {text.units.show(ront_um, 'um', 2)}", key[1])), width)
 
 
 def _figure(result: RoundnessResult | None, circle: str, key: str, text: Catalogue) -> str:
     return NOTHING if result is None else text.units.figure(getattr(result.circle(circle), key), "um", 2)
 
 
-def _heading(seen: Comparison, text: Catalogue, width: int) -> Line:
+def _heading(seen: PartComparison, text: Catalogue, width: int) -> Line:
     before = text("part.before" if seen.other is None else "inspect_page.other")
     after = text("part.after" if seen.other is None else "inspect_page.this")
     return _columns(text.units.unit("um"), before, after, width, Token.DIM)
@@ -209,19 +227,19 @@ def _heading(seen: Comparison, text: Catalogue, width: int) -> Line:
 
 def _columns(name: str, before: str, after: str, width: int, token: Token) -> Line:
     """Return one row of a table: a name, and two values in columns of cells."""
-    values = "".join(text for value in (before, after) for text, _ in ranged(BLANK, line(value), _COLUMN))
-    return ranged(line(dim(name)), line((values, token)), width)
+    values = "".join(text for value in (before, after) for text, _ in justify_line(BLANK, line(value), _COLUMN))
+    return justify_line(line(dim(name)), line((values, token)), width)
 
 
-def _gained(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
+def _reduction_lines(seen: PartComparison, text: Catalogue, width: int) -> list[Line]:
     if seen.after is None or seen.other is not None or seen.before.ront_um == 0.0:
         return []
     percent = 100.0 * (seen.before.ront_um - seen.after.ront_um) / seen.before.ront_um
     label = text("run.improvement") if seen.before.result else text("inspect_page.improvement_stated")
-    return [ranged(line(dim(label)), line(f" {percent:.1f} %"), width)]
+    return [justify_line(line(dim(label)), line(f" {percent:.1f} %"), width)]
 
 
-def _verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
+def _verdict(seen: PartComparison, text: Catalogue, width: int) -> list[Line]:
     part = seen.part
     size = diameter_verdict(part.diameter_mm, part.job.diameter_tolerance_um, part.diameter_passes, text, width)
     return [*_roundness_verdict(seen, text, width), *size]
@@ -233,14 +251,14 @@ def diameter_verdict(
     """Return whether a diameter is within its tolerance; nothing without one, or without the size."""
     if passes is None or diameter_mm is None or limit_um is None:
         return []
-    facts = {"value": text.units.figure(diameter_mm, "mm", 3), "limit": text.units.short(limit_um, "um")}
+    facts = {"value": text.units.figure(diameter_mm, "mm", 3), "limit": text.units.format_short(limit_um, "um")}
     return [judged_line("diameter_", facts, text, width, passes=passes)]
 
 
 def judged_line(what: str, facts: Mapping[str, str], text: Catalogue, width: int, *, passes: bool) -> Line:
     """Return a verdict with its mark: `what` is "diameter_", or "" for the roundness."""
     mark, token, word = ("✓ ", Token.STRONG, "pass") if passes else ("✗ ", Token.WARNING, "fail")
-    return line((mark + fitted(text(f"inspect_page.{what}{word}", **facts), max(width - 2, 0)), token))
+    return line((mark + fit_text(text(f"inspect_page.{what}{word}", **facts), max(width - 2, 0)), token))
 
 
 def roundness_facts(ront_um: float, limit_um: float | None, text: Catalogue) -> dict[str, str]:
@@ -249,22 +267,24 @@ def roundness_facts(ront_um: float, limit_um: float | None, text: Catalogue) -> 
     return {"value": text.units.figure(ront_um, "um", 2), "limit": limit}
 
 
-def _roundness_verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
+def _roundness_verdict(seen: PartComparison, text: Catalogue, width: int) -> list[Line]:
     if seen.part.is_half:
-        return [line(dim(fitted(f"· {text('inspect_page.half')}", width)))]
+        return [line(dim(fit_text(f"· {text('inspect_page.half')}", width)))]
     ront_um, limit_um = seen.part.result.ront_um, seen.part.job.roundness_tolerance_um
     facts = roundness_facts(ront_um, limit_um, text)
     if not seen.part.proven:
-        return [line((f"? {fitted(text('inspect_page.not_proven', **facts), max(width - 2, 0))}", Token.WARNING))]
+        return [
+            line((f"? {fit_text(text('inspect_page.not_proven', **facts), max(width - 2, 0))}", Token.WARNING))
+        ]
     rows = [judged_line("", facts, text, width, passes=ront_um <= limit_um)]
     if not seen.looked.is_verdict:  # figures beside it are by something else
         result = seen.part.result
         by = text("inspect_page.judged_by", circle=result.reference_circle, filter=filter_words(result, text))
-        rows += wrapped(by, width, Token.DIM)
+        rows += wrap_line(by, width, Token.DIM)
     return rows
 
 
-def _harmonic(seen: Comparison, n: int, text: Catalogue, width: int, token: Token) -> Line:
+def _harmonic(seen: PartComparison, n: int, text: Catalogue, width: int, token: Token) -> Line:
     jaws, before = seen.part.job.jaws, seen.before
     if before.result is not None:
         one = text.units.figure(2.0 * before.result.amplitude_um(n), "um", 2)
@@ -275,7 +295,7 @@ def _harmonic(seen: Comparison, n: int, text: Catalogue, width: int, token: Toke
     return _columns(text("inspect_page.harmonic", n=f"{n:>2}"), one, other, width, token)
 
 
-def _phases(seen: Comparison, jaws: int, text: Catalogue, width: int) -> Line:
+def _phases(seen: PartComparison, jaws: int, text: Catalogue, width: int) -> Line:
     phases = (phase_from_jaw_deg(side, jaws) if side else None for side in (seen.before, seen.after))
     before, after = (NOTHING if phase is None else f"{phase:+z.1f}°" for phase in phases)
     return _columns(text("inspect_page.phase", n=jaws), before, after, width, Token.TEXT)

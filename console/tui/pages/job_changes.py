@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from console.session.job_files import delete_job, export_job, import_job, last_deleted, restore_job
-from console.session.work import differs, opened, relabelled
+from console.session.work import differs, open_work, relabel_work
 from console.tui.pages.fields import free_name, name_problem
 from console.tui.ui_context import UiContext
 from profiles.files import printable
@@ -29,7 +29,7 @@ def rename_refused(ui: UiContext, entry: LibraryEntry) -> None:
         raise _refusal("screen.job_edited", value=printable(entry.name))
 
 
-def renamed(ui: UiContext, entry: LibraryEntry, name: str, taken: frozenset[str]) -> Path:
+def rename_job_file(ui: UiContext, entry: LibraryEntry, name: str, taken: frozenset[str]) -> Path:
     """Rename a job, and return its file; the open one stays open. What is kept by its old name stays there.
 
     Raises ProfileError: as `rename_refused`, `name_problem` and `rename_job`.
@@ -41,16 +41,16 @@ def renamed(ui: UiContext, entry: LibraryEntry, name: str, taken: frozenset[str]
     path = rename_job(entry.path, name)
     if kept_open and before is not None:
         # Loads numerics, which the first page does without.
-        from console.session.cut.compensated import with_accepted
+        from console.session.cut.compensated_cut import with_accepted
 
-        work = replace(opened(load_job(str(path)), ui.machine), strategy=before.strategy, stage=before.stage)
+        work = replace(open_work(load_job(str(path)), ui.machine), strategy=before.strategy, stage=before.stage)
         state = ui.control.state
         ui.work = with_accepted(work, ui.data, simulated=state.simulated, lathe=state.lathe)
     ui.say("screen.job_renamed", key=printable(entry.name), value=printable(name))
     return path
 
 
-def labelled(ui: UiContext, entry: LibraryEntry, *, note: str | None = None, tags: str | None = None) -> None:
+def label_job(ui: UiContext, entry: LibraryEntry, *, note: str | None = None, tags: str | None = None) -> None:
     """Give a job another note or other tags, words with blanks or commas between them; unsaved edits stay.
 
     Raises ProfileError: as `own_or_refused` and `relabel_job`.
@@ -61,7 +61,7 @@ def labelled(ui: UiContext, entry: LibraryEntry, *, note: str | None = None, tag
     after = relabel_job(entry.path, note=before.job.note if note is None else note.strip(), tags=words)
     # One that somebody else has changed meanwhile stays as it was opened: saving it says so.
     if is_open(ui, entry) and ui.work is not None and not differs(before, ui.work.loaded):
-        ui.work = relabelled(ui.work, after)
+        ui.work = relabel_work(ui.work, after)
 
 
 def delete_refused(ui: UiContext, entry: LibraryEntry) -> None:
@@ -69,7 +69,7 @@ def delete_refused(ui: UiContext, entry: LibraryEntry) -> None:
     rename_refused(ui, entry)
 
 
-def deleted(ui: UiContext, entry: LibraryEntry) -> None:
+def remove_job(ui: UiContext, entry: LibraryEntry) -> None:
     """Move a job to the deleted ones; the open one is closed. ProfileError: as `delete_refused`, `delete_job`."""
     delete_refused(ui, entry)
     delete_job(ui.data, entry.path)
@@ -98,7 +98,7 @@ def brought_back(ui: UiContext, taken: frozenset[str]) -> Path | None:
     return path
 
 
-def imported(ui: UiContext, source: Path, taken: frozenset[str]) -> Path:
+def import_job_file(ui: UiContext, source: Path, taken: frozenset[str]) -> Path:
     """Copy a job file among the own jobs, and return the copy.
 
     Raises ProfileError: as `name_problem` for the name of the file, and `import_job`.
@@ -110,7 +110,7 @@ def imported(ui: UiContext, source: Path, taken: frozenset[str]) -> Path:
     return path
 
 
-def exported(ui: UiContext, entry: LibraryEntry) -> None:
+def copy_job_out(ui: UiContext, entry: LibraryEntry) -> None:
     """Copy a job file to the exported ones; ProfileError as `export_job`."""
     ui.say("screen.job_exported", value=printable(str(export_job(ui.data, entry.path))))
 

@@ -29,7 +29,7 @@ def listed_jobs(ui: UiContext) -> tuple[LibraryEntry, ...]:
     return list_jobs(folder)
 
 
-class Order(StrEnum):
+class SortOrder(StrEnum):
     """What the jobs are sorted by, in the order in which a key steps through them."""
 
     NAME = "name"
@@ -39,7 +39,7 @@ class Order(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Indexed:
+class IndexedJob:
     """A file when it was read: its change (ns) and size, name and material of the job, and the words in it.
 
     A file that cannot be read has no words.
@@ -51,16 +51,16 @@ class Indexed:
     words: str = ""
 
 
-_UNKNOWN = Indexed()
+_UNKNOWN = IndexedJob()
 
 
 class JobIndex:
     """The index; only the thread of the screen changes it. `version` grows whenever it does."""
 
     def __init__(self) -> None:
-        self._known: dict[Path, Indexed] = {}
+        self._known: dict[Path, IndexedJob] = {}
         self._checked: set[Path] = set()
-        self._pieces: BackgroundReader[dict[Path, Indexed]] = BackgroundReader(waits=False)
+        self._pieces: BackgroundReader[dict[Path, IndexedJob]] = BackgroundReader(waits=False)
         self._visit = 0
         self.version = 0
 
@@ -92,40 +92,41 @@ class JobIndex:
         self._checked.update(paths)
         self.version += 1
 
-    def of(self, entry: LibraryEntry) -> Indexed:
+    def index_job(self, entry: LibraryEntry) -> IndexedJob:
         """Return what is known of a job."""
         return self._known.get(entry.path, _UNKNOWN)
 
-    def found(self, entries: Iterable[LibraryEntry], typed: str) -> list[LibraryEntry]:
+    def find_jobs(self, entries: Iterable[LibraryEntry], typed: str) -> list[LibraryEntry]:
         """Return the jobs with every one of these words in name, material or tags."""
         words = typed.casefold().split()
         return [each for each in entries if all(word in self._text(each) for word in words)]
 
-    def sorted(
-        self, entries: Sequence[LibraryEntry], order: Order, results: LastResults
+    def sort_jobs(
+        self, entries: Sequence[LibraryEntry], order: SortOrder, results: LastResults
     ) -> Sequence[LibraryEntry]:
         """Return the jobs in this order; equal ones, and what is not known, stay in the order of their names."""
-        if order is Order.CHANGE:
-            return sorted(entries, key=lambda each: -self.of(each).changed[0])
-        if order is Order.MATERIAL:
+        if order is SortOrder.CHANGE:
+            return sorted(entries, key=lambda each: -self.index_job(each).changed[0])
+        if order is SortOrder.MATERIAL:
             return sorted(
-                entries, key=lambda each: (not self.of(each).material, self.of(each).material.casefold())
+                entries,
+                key=lambda each: (not self.index_job(each).material, self.index_job(each).material.casefold()),
             )
-        if order is Order.RESULT:
+        if order is SortOrder.RESULT:
             times = {name: last.measured_at.timestamp() for name, last in results.items()}
-            return sorted(entries, key=lambda each: -times.get(self.of(each).title or each.name, 0.0))
+            return sorted(entries, key=lambda each: -times.get(self.index_job(each).title or each.name, 0.0))
         return entries
 
     def _text(self, entry: LibraryEntry) -> str:
-        return f"{entry.name.casefold()} {self.of(entry).words}"
+        return f"{entry.name.casefold()} {self.index_job(entry).words}"
 
 
-def read_piece(paths: Sequence[Path], known: dict[Path, Indexed]) -> dict[Path, Indexed]:
+def read_piece(paths: Sequence[Path], known: dict[Path, IndexedJob]) -> dict[Path, IndexedJob]:
     """Return what is in these files; what is `known` of one that has not changed stays."""
     return {path: _read(path, known.get(path)) for path in paths}
 
 
-def _read(path: Path, known: Indexed | None) -> Indexed:
+def _read(path: Path, known: IndexedJob | None) -> IndexedJob:
     try:
         status = os.stat(path)
     except OSError:
@@ -136,11 +137,11 @@ def _read(path: Path, known: Indexed | None) -> Indexed:
     try:
         leaves, _ = flatten(read_toml(path)[1], where="")
     except ProfileError:
-        return Indexed(changed=changed)
+        return IndexedJob(changed=changed)
     title, material, tags = (leaves.get(key) for key in ("name", "material", "tags"))
     texts = [each for each in (title, material) if isinstance(each, str)]
     texts += [each for each in tags if isinstance(each, str)] if isinstance(tags, list) else []
-    return Indexed(
+    return IndexedJob(
         changed=changed,
         title=title if isinstance(title, str) else "",
         material=material if isinstance(material, str) else "",
@@ -156,7 +157,7 @@ class Shelf:
         self.entries: Sequence[LibraryEntry] = ()
         self.selected = 0
         self.words = ""
-        self.order = Order.NAME
+        self.order = SortOrder.NAME
         self.index = JobIndex()
         self.results: LastResults = {}
         self._loaded: dict[Path, Loaded] = {}
@@ -170,7 +171,7 @@ class Shelf:
     @property
     def is_reading(self) -> bool:
         """Whether the index is needed and not complete."""
-        return (bool(self.words) or self.order is not Order.NAME) and self.index.lacks(self.all)
+        return (bool(self.words) or self.order is not SortOrder.NAME) and self.index.lacks(self.all)
 
     def fill(self, entries: tuple[LibraryEntry, ...], results: LastResults, target: Path | None) -> None:
         """List these files, with the selection on `target` where that is one of them."""
@@ -187,8 +188,8 @@ class Shelf:
             return
         self._arranged = wanted
         kept = target or (None if self.entry is None else self.entry.path)
-        found = self.index.found(self.all, self.words) if self.words else self.all
-        self.entries = self.index.sorted(found, self.order, self.results)
+        found = self.index.find_jobs(self.all, self.words) if self.words else self.all
+        self.entries = self.index.sort_jobs(found, self.order, self.results)
         self.select(kept)
 
     def select(self, path: Path | None) -> None:
@@ -209,7 +210,7 @@ class Shelf:
 
     def step_order(self) -> None:
         """Sort by the next thing."""
-        orders = tuple(Order)
+        orders = tuple(SortOrder)
         self.order = orders[(orders.index(self.order) + 1) % len(orders)]
         self.arrange()
 

@@ -15,18 +15,18 @@ from console.session.data.history import last_results
 from console.session.data.kept_files import jobs_folder
 from console.session.job_files import import_folder, offered_jobs
 from console.session.station.state import StationState
-from console.session.work import Work, blank_form, differs, opened
-from console.tui.application.scans import found
+from console.session.work import Work, blank_form, differs, open_work
+from console.tui.application.scans import find_job
 from console.tui.entry import PATH_CAP_CHARACTERS, EntryLine
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import BLANK, Line, Sheet, clipped, line, name_in, wrapped
+from console.tui.lines import BLANK, Line, Sheet, clip_lines, line, name_in, wrap_line
 from console.tui.page import Page, rows_moved
 from console.tui.pages import job_changes as changes
 from console.tui.pages.job_shelf import Shelf, listed_jobs
 from console.tui.pages.jobs_lines import JobList, hidden_words, summary_lines, table_lines, visible
 from console.tui.theme import Token
-from console.tui.ui_context import KEYS, UiContext, View, locked
+from console.tui.ui_context import KEYS, UiContext, View, find_job_lock
 from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.files import printable
 from profiles.job import Job
@@ -48,7 +48,7 @@ _REFUSES: dict[str, Callable[[UiContext, LibraryEntry], None]] = {
 }
 
 
-class Typing(StrEnum):
+class JobEntry(StrEnum):
     """What is typed."""
 
     NOTHING = "nothing"
@@ -66,27 +66,27 @@ class JobsEntry(EntryLine):
 
     def __init__(self) -> None:
         super().__init__(id="jobs-entry")
-        self.typing = Typing.NOTHING
+        self.typing = JobEntry.NOTHING
 
-    def open(self, typing: Typing, value: str) -> None:
+    def open(self, typing: JobEntry, value: str) -> None:
         """Begin with this text; the words of a search are marked: an arrow key keeps them."""
         self.typing = typing
-        self.max_length = PATH_CAP_CHARACTERS if typing is Typing.PATH else TEXT_CAP_CHARACTERS
-        self.begin(value, marked=typing is Typing.SEARCH)
+        self.max_length = PATH_CAP_CHARACTERS if typing is JobEntry.PATH else TEXT_CAP_CHARACTERS
+        self.begin(value, marked=typing is JobEntry.SEARCH)
 
     def close(self) -> str:
         """End the entry, and return what was typed."""
-        self.typing = Typing.NOTHING
+        self.typing = JobEntry.NOTHING
         return super().close()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Listed:
+class JobsContent:
     """What is listed: jobs on their shelf or, with `importing`, files; and what is typed beside them."""
 
     shelf: Shelf
     importing: bool
-    typing: Typing
+    typing: JobEntry
     simulated: bool
 
 
@@ -99,7 +99,7 @@ def refused_now(ui: UiContext, view: View, action: str, shelf: Shelf, *, importi
         return (Problem(code="screen.jobs_import_only"),)
     changing = not moves and action not in (*READS, "jobs.back")
     if action in _OPENING or changing:
-        if refused := locked(view.state, *(OPENS if action in _OPENING else CHANGES)):
+        if refused := find_job_lock(view.state, *(OPENS if action in _OPENING else CHANGES)):
             return (refused,)
     entry = shelf.entry
     if entry is None or importing:
@@ -130,7 +130,7 @@ class JobsPanels:
         """Paint again at the next time, whatever has changed."""
         self._shown = None
 
-    def jobs(self, listed: Listed) -> JobList:
+    def jobs(self, listed: JobsContent) -> JobList:
         """Return the list as its lines take it."""
         shelf, work = listed.shelf, self._ui.work
         return JobList(
@@ -142,7 +142,7 @@ class JobsPanels:
             open_path=None if work is None else work.loaded.path,
         )
 
-    def paint(self, listed: Listed) -> None:
+    def paint(self, listed: JobsContent) -> None:
         """Paint both panels."""
         work, shelf, title = self._ui.work, listed.shelf, self._title(listed)
         sizes = self.table.size, self.summary.size
@@ -156,16 +156,18 @@ class JobsPanels:
         size, hidden = self.summary.size, reading or hidden_words(jobs, text, self.table.size.height)
         rows = table_lines(jobs, text, *self.table.size)
         if not jobs.entries and (listed.importing or shelf.words):
-            rows = wrapped(text("jobs_page.no_imports" if listed.importing else "jobs_page.no_match"), size.width)
-        if listed.typing is not Typing.NOTHING:
+            rows = wrap_line(
+                text("jobs_page.no_imports" if listed.importing else "jobs_page.no_match"), size.width
+            )
+        if listed.typing is not JobEntry.NOTHING:
             rows = [BLANK, *(rows[1:] if jobs.entries else rows)]
         self.table.show(rows, name_in(title, max(self.table.size.width - 4, 1), tail_fraction=0.5), hidden)
         rows = summary_lines(jobs, text, *size, edited=edited)
         if entry is not None and not isinstance(shelf.load(entry), LoadedJob):  # it cannot be used
-            rows = clipped(rows, size.height, text("panel.more"))
+            rows = clip_lines(rows, size.height, text("panel.more"))
         self.summary.show(rows, name_in(printable(entry.name), size.width - 4) if entry else "")
 
-    def _title(self, listed: Listed) -> str:
+    def _title(self, listed: JobsContent) -> str:
         text, shelf = self._ui.text, listed.shelf
         if listed.importing:
             return text("jobs_page.imports", count=len(shelf.all))
@@ -175,11 +177,11 @@ class JobsPanels:
         words = f"/{printable(shelf.words)}" if shelf.words else ""
         return " · ".join(filter(None, (title, words, text(f"jobs_page.sorted.{shelf.order}"))))
 
-    def next_words(self, listed: Listed, state: StationState) -> str:
+    def next_words(self, listed: JobsContent, state: StationState) -> str:
         """Return how to open the selected job, or why it cannot be."""
         text, entry, typing = self._ui.text, listed.shelf.entry, listed.typing
-        refused = locked(state, *OPENS)
-        if typing is not Typing.NOTHING:
+        refused = find_job_lock(state, *OPENS)
+        if typing is not JobEntry.NOTHING:
             return text(f"jobs_page.next.{typing}")
         if listed.importing:
             return text("jobs_page.next.import" if entry else "jobs_page.next.import_none")
@@ -192,7 +194,7 @@ class JobsPanels:
         return text("jobs_page.next.open", name=printable(entry.name))
 
 
-_ENTRIES = {"jobs.rename": Typing.NAME, "jobs.note": Typing.NOTE, "jobs.tags": Typing.TAGS}
+_ENTRIES = {"jobs.rename": JobEntry.NAME, "jobs.note": JobEntry.NOTE, "jobs.tags": JobEntry.TAGS}
 
 
 class JobsPage(Page):
@@ -230,16 +232,16 @@ class JobsPage(Page):
             self._simulated = view.state.simulated
             self._read()
         jobs = self._jobs_shelf
-        if jobs.is_reading or self._entry.typing is Typing.SEARCH:
+        if jobs.is_reading or self._entry.typing is JobEntry.SEARCH:
             if not view.state.may_move:  # a thread that reads for seconds is for a machine at rest
                 jobs.index.read_on(jobs.all)
             jobs.arrange()
         self._entry.keep_focus()
-        self._panels.paint(self._listed)
+        self._panels.paint(self._jobs_content)
 
     def leave(self) -> None:
         """Discard the list, as files may have changed by the next time, and an entry that was not ended."""
-        if self._entry.typing not in (Typing.NOTHING, Typing.SEARCH):
+        if self._entry.typing not in (JobEntry.NOTHING, JobEntry.SEARCH):
             self.ui.say("screen.job_entry_dropped")
         self._entry.close()
         self._fresh, self._importing, self._warned, self._doomed = False, False, None, None
@@ -247,17 +249,17 @@ class JobsPage(Page):
     @property
     def field(self) -> FieldKind:
         """Free text while something is typed."""
-        return FieldKind.NONE if self._entry.typing is Typing.NOTHING else FieldKind.TEXT
+        return FieldKind.NONE if self._entry.typing is JobEntry.NOTHING else FieldKind.TEXT
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Search at every keystroke."""
-        if self._entry.typing is Typing.SEARCH:
+        if self._entry.typing is JobEntry.SEARCH:
             self._jobs_shelf.search(event.value.strip())
-            self._panels.paint(self._listed)
+            self._panels.paint(self._jobs_content)
 
     def act(self, action: str) -> None:
         """Do what a key says; an open entry first gets the characters that came before."""
-        if self._entry.typing is Typing.NOTHING:
+        if self._entry.typing is JobEntry.NOTHING:
             self._do(action)
         else:
             self._entry.call_later(self._end_entry if action == "jobs.open" else self._do_beside, action)
@@ -268,14 +270,14 @@ class JobsPage(Page):
 
     def next_step(self, view: View) -> Line:
         """Return how to open the selected job, or why it cannot be."""
-        return line((self._panels.next_words(self._listed, view.state), Token.ACTION))
+        return line((self._panels.next_words(self._jobs_content, view.state), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return why the selected file cannot be used."""
         entry = self._shelf.entry
         if entry is None or isinstance(self._shelf.load(entry), LoadedJob):
             return []
-        return summary_lines(self._panels.jobs(self._listed), self.ui.text, width, edited=False)
+        return summary_lines(self._panels.jobs(self._jobs_content), self.ui.text, width, edited=False)
 
     @property
     def _shelf(self) -> Shelf:
@@ -283,8 +285,8 @@ class JobsPage(Page):
         return self._imports if self._importing else self._jobs_shelf
 
     @property
-    def _listed(self) -> Listed:
-        return Listed(
+    def _jobs_content(self) -> JobsContent:
+        return JobsContent(
             shelf=self._shelf, importing=self._importing, typing=self._entry.typing, simulated=self._simulated
         )
 
@@ -302,27 +304,27 @@ class JobsPage(Page):
             self._jobs_shelf.search("")
         elif action == "jobs.path":
             self.ui.say("screen.jobs_import_only")
-        elif refused := locked(self.ui.control.state, *CHANGES):
-            self.ui.said = (refused,)
+        elif refused := find_job_lock(self.ui.control.state, *CHANGES):
+            self.ui.key_answer = (refused,)
         else:
             with self.ui.answering():
                 self._change(action)
-        self._panels.paint(self._listed)
+        self._panels.paint(self._jobs_content)
 
     def _do_beside(self, action: str) -> None:
         """Do what is possible during an entry: move the selection in what a search has found."""
-        if self._entry.typing is Typing.SEARCH:
+        if self._entry.typing is JobEntry.SEARCH:
             self._move(action)
-            self._panels.paint(self._listed)
+            self._panels.paint(self._jobs_content)
 
     def point(self, panel: Widget, row: int) -> None:
         """Choose the job in a row that was clicked, below the heading."""
-        seen = visible(self._panels.jobs(self._listed), self._panels.table.size.height)
+        seen = visible(self._panels.jobs(self._jobs_content), self._panels.table.size.height)
         if panel is self._panels.table and 0 < row <= len(seen):
             self._shelf.move(seen[row - 1] - self._shelf.selected)
 
     def _move(self, action: str) -> bool:
-        page = max(len(visible(self._panels.jobs(self._listed), self._panels.table.size.height)) - 1, 1)
+        page = max(len(visible(self._panels.jobs(self._jobs_content), self._panels.table.size.height)) - 1, 1)
         by = rows_moved(action, page)
         self._shelf.move(by or 0)
         return by is not None
@@ -333,12 +335,12 @@ class JobsPage(Page):
         elif action == "jobs.new":
             self._begin()
         elif action == "jobs.search":
-            self._entry.open(Typing.SEARCH, self._jobs_shelf.words)
+            self._entry.open(JobEntry.SEARCH, self._jobs_shelf.words)
         elif action == "jobs.sort":
             self._jobs_shelf.step_order()
         elif (entry := self._shelf.entry) is not None:
             with self.ui.answering():
-                changes.exported(self.ui, entry)
+                changes.copy_job_out(self.ui, entry)
 
     def _change(self, action: str) -> None:
         entry = self._shelf.entry
@@ -349,7 +351,7 @@ class JobsPage(Page):
                 self._read(path)
         elif entry is not None and action == "jobs.delete":
             self._delete(entry)
-        elif entry is not None and (typing := _ENTRIES.get(action, Typing.NOTHING)) is not Typing.NOTHING:
+        elif entry is not None and (typing := _ENTRIES.get(action, JobEntry.NOTHING)) is not JobEntry.NOTHING:
             self._begin_entry(typing, entry)
 
     def _do_importing(self, action: str) -> None:
@@ -358,7 +360,7 @@ class JobsPage(Page):
             self._importing = False
             self._panels.forget()
         elif action == "jobs.path":
-            self._entry.open(Typing.PATH, "")
+            self._entry.open(JobEntry.PATH, "")
         elif action == "jobs.open":
             entry = self._shelf.entry
             if entry is not None:
@@ -374,11 +376,11 @@ class JobsPage(Page):
         self._panels.forget()
 
     def _import(self, source: Path) -> None:
-        if refused := locked(self.ui.control.state, *CHANGES):
-            self.ui.said = (refused,)
+        if refused := find_job_lock(self.ui.control.state, *CHANGES):
+            self.ui.key_answer = (refused,)
             return
         with self.ui.answering():
-            path = changes.imported(self.ui, source, self._names())
+            path = changes.import_job_file(self.ui, source, self._names())
             self._importing = False
             self._read(path)
 
@@ -390,44 +392,46 @@ class JobsPage(Page):
             self.ui.say("screen.job_delete_again", key=KEYS["jobs.delete"], value=printable(entry.name))
             return
         self._doomed = None
-        changes.deleted(self.ui, entry)
+        changes.remove_job(self.ui, entry)
         self._read()
 
-    def _begin_entry(self, typing: Typing, entry: LibraryEntry) -> None:
+    def _begin_entry(self, typing: JobEntry, entry: LibraryEntry) -> None:
         changes.own_or_refused(entry)
-        if typing is Typing.NAME:
+        if typing is JobEntry.NAME:
             changes.rename_refused(self.ui, entry)
         job = load_job(str(entry.path)).job
-        self._entry.open(typing, {Typing.NAME: entry.name, Typing.NOTE: job.note}.get(typing, " ".join(job.tags)))
+        self._entry.open(
+            typing, {JobEntry.NAME: entry.name, JobEntry.NOTE: job.note}.get(typing, " ".join(job.tags))
+        )
 
     def _end_entry(self, _: str) -> None:
         """Take what was typed; what is refused stays to be corrected."""
         typing, entry, typed = self._entry.typing, self._shelf.entry, self._entry.value.strip()
-        if typing is Typing.SEARCH:
+        if typing is JobEntry.SEARCH:
             self._jobs_shelf.search(typed)
             self._entry.close()
             if typed and len(self._shelf.entries) == 1:
                 self._open(copying=False)
-        elif refused := locked(self.ui.control.state, *CHANGES):
-            self.ui.said = (refused,)
+        elif refused := find_job_lock(self.ui.control.state, *CHANGES):
+            self.ui.key_answer = (refused,)
         else:
             with self.ui.answering():
                 self._take_entry(typing, entry, typed)
-        self._panels.paint(self._listed)
+        self._panels.paint(self._jobs_content)
 
-    def _take_entry(self, typing: Typing, entry: LibraryEntry | None, typed: str) -> None:
+    def _take_entry(self, typing: JobEntry, entry: LibraryEntry | None, typed: str) -> None:
         path = None if entry is None else entry.path
-        if typing is Typing.PATH:
+        if typing is JobEntry.PATH:
             self._entry.close()
             if typed:
                 self._import(import_folder(self.ui.data) / os.path.expanduser(typed))
             return
-        if entry is not None and typing is Typing.NOTE:
-            changes.labelled(self.ui, entry, note=typed)
-        elif entry is not None and typing is Typing.TAGS:
-            changes.labelled(self.ui, entry, tags=typed)
+        if entry is not None and typing is JobEntry.NOTE:
+            changes.label_job(self.ui, entry, note=typed)
+        elif entry is not None and typing is JobEntry.TAGS:
+            changes.label_job(self.ui, entry, tags=typed)
         elif entry is not None and typed not in ("", entry.name):
-            path = changes.renamed(self.ui, entry, typed, self._names())
+            path = changes.rename_job_file(self.ui, entry, typed, self._names())
         self._entry.close()
         self._read(path)
 
@@ -451,27 +455,27 @@ class JobsPage(Page):
         self._panels.forget()
 
     def _open(self, *, copying: bool) -> None:
-        refused, entry = locked(self.ui.control.state, *OPENS), self._shelf.entry
+        refused, entry = find_job_lock(self.ui.control.state, *OPENS), self._shelf.entry
         if refused is not None:
-            self.ui.said = (refused,)
+            self.ui.key_answer = (refused,)
         elif entry is not None:
             with self.ui.answering():
                 self._take(load_job(entry), copying=copying)
 
     def open_named(self, name: str) -> None:
         """Open the job of a scanned code, from whatever page, where Enter would open it here."""
-        if refused := locked(self.ui.control.state, *OPENS):
-            self.ui.said = (refused,)
-        elif isinstance(entry := found(list_jobs(jobs_folder(self.ui.data)), name), Problem):
-            self.ui.said = (entry,)
+        if refused := find_job_lock(self.ui.control.state, *OPENS):
+            self.ui.key_answer = (refused,)
+        elif isinstance(entry := find_job(list_jobs(jobs_folder(self.ui.data)), name), Problem):
+            self.ui.key_answer = (entry,)
         else:
             with self.ui.answering():
                 self._take(load_job(entry), copying=False)
 
     def _begin(self) -> None:
         """Begin a new job on a blank form, or continue the one that was begun."""
-        if refused := locked(self.ui.control.state, *OPENS):
-            self.ui.said = (refused,)
+        if refused := find_job_lock(self.ui.control.state, *OPENS):
+            self.ui.key_answer = (refused,)
             return
         if self.ui.draft is None:
             if self._loses("new", self.ui.work):
@@ -495,10 +499,10 @@ class JobsPage(Page):
             return
         if work is None or not kept or (not work.edited and differs(loaded, work.loaded)):
             # Loads numerics, which the first page does without.
-            from console.session.cut.compensated import with_accepted
+            from console.session.cut.compensated_cut import with_accepted
 
-            work, state = opened(loaded, self.ui.machine), self.ui.control.state
+            work, state = open_work(loaded, self.ui.machine), self.ui.control.state
             self.ui.work = with_accepted(work, self.ui.data, simulated=state.simulated, lathe=state.lathe)
-            self.ui.said = self.ui.work.set_aside
+            self.ui.key_answer = self.ui.work.set_aside
         self.ui.draft, self.ui.copying = None, copying
         self.ui.go(PageName.SETUP)

@@ -12,7 +12,7 @@ from rich.cells import cell_len
 from console.session.data.history import LastResult, LastResults
 from console.text.catalogue import Catalogue
 from console.text.lobe import lobe_number
-from console.tui.lines import BLANK, NOTHING, Line, dim, fact, fitted, hanging, line, name_among, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, dim, fact, fit_text, hanging, line, name_among, wrap_line
 from console.tui.pages.fields import provenance
 from console.tui.theme import Token
 from console.units import Units
@@ -57,8 +57,8 @@ def table_lines(jobs: JobList, text: Catalogue, width: int, height: int) -> list
         return [line(text("jobs_page.none"))][: max(height, 0)]
     columns = _columns(width)
     name_width = max(width - 2 - sum(cells for _, cells in columns), 1)
-    header = fitted("  " + text("jobs_page.name"), name_width + 2)
-    header += "".join(_right(text(f"jobs_page.{name}"), cells) for name, cells in columns)
+    header = fit_text("  " + text("jobs_page.name"), name_width + 2)
+    header += "".join(_align_right(text(f"jobs_page.{name}"), cells) for name, cells in columns)
     seen = visible(jobs, height)
     rows = [_row(jobs, place, seen, columns, name_width, text) for place in seen]
     return [(dim(header),), *rows][: max(height, 0)]
@@ -102,7 +102,7 @@ def summary_lines(
         *job_lines(loaded.job, text, room),
         *_last_lines(last, jobs.simulated, text, room),
         _fact(text("jobs_page.revision"), f"{loaded.sha256[:6]}, {kept}", room),
-        *wrapped(provenance(loaded.job, text), width, Token.DIM),
+        *wrap_line(provenance(loaded.job, text), width, Token.DIM),
     ]
     if last is not None and height is not None and height >= _ROWS_WITH_PARTS:
         rows += [BLANK, *_part_lines(last, text, room)[: max(height - len(rows) - 1, 0)]]
@@ -147,12 +147,12 @@ def _row(
     loaded = jobs.load(entry)
     marks = ("▸" if chosen else " ") + (OPEN if entry.path == jobs.open_path else " ")
     others = tuple(printable(jobs.entries[each].name) for each in seen)
-    name = fitted(marks + name_among(printable(entry.name), others, name_width), name_width + 2)
+    name = fit_text(marks + name_among(printable(entry.name), others, name_width), name_width + 2)
     if not isinstance(loaded, LoadedJob):
-        reason = _right("✗ " + text("jobs_page.unreadable"), sum(cells for _, cells in columns))
+        reason = _align_right("✗ " + text("jobs_page.unreadable"), sum(cells for _, cells in columns))
         return ((name + reason, Token.SELECTED),) if chosen else line(name, (reason, Token.WARNING))
     last = jobs.results.get(loaded.job.name)
-    name += "".join(_right(_value(column, loaded.job, last, text.units), cells) for column, cells in columns)
+    name += "".join(_align_right(_value(column, loaded.job, last, text.units), cells) for column, cells in columns)
     return ((name, Token.SELECTED if chosen else Token.TEXT),)
 
 
@@ -183,7 +183,7 @@ def _day(at: datetime) -> str:
 
 def _reasons(entry: LibraryEntry, problems: Sequence[Problem], text: Catalogue, width: int) -> list[Line]:
     lines = [line(("✗ " + text("jobs_page.unreadable"), Token.WARNING))]
-    lines += wrapped(printable(str(entry.path)), width, Token.DIM)
+    lines += wrap_line(printable(str(entry.path)), width, Token.DIM)
     for problem in problems:
         lines += hanging(("· ", Token.TEXT), text.problem(replace(problem, where="")), width)
     return lines
@@ -200,10 +200,13 @@ def job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
         (text("jobs_page.part"), form),
         (text("jobs_page.outside") if solid else text("jobs_page.size"), size),
         (text("jobs_page.overhang"), text.units.show(job.overhang_mm, "mm", 3)),
-        (text("jobs_page.force"), _marked(job, "chucking_force_n", f"{job.chucking_force_n:.1f} N", text)),
+        (
+            text("jobs_page.force"),
+            _mark_assumed_value(job, "chucking_force_n", f"{job.chucking_force_n:.1f} N", text),
+        ),
         (
             text("jobs_page.depth"),
-            _marked(job, "depth_of_cut_mm", text.units.show(job.depth_of_cut_mm, "mm", 3), text),
+            _mark_assumed_value(job, "depth_of_cut_mm", text.units.show(job.depth_of_cut_mm, "mm", 3), text),
         ),
         (text("jobs_page.spindle"), f"{job.spindle_speed_rpm:.1f} rpm"),
         (text("jobs_page.lobe"), lobe),
@@ -224,7 +227,7 @@ def _lobe_error(job: Job, text: Catalogue) -> str:
 
 def _label_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
     """Return the note in full, then the tags."""
-    rows = wrapped(printable(job.note), width, Token.STRONG) if job.note else []
+    rows = wrap_line(printable(job.note), width, Token.STRONG) if job.note else []
     if job.tags:
         rows += hanging(dim(f"{text('jobs_page.tags')} "), printable(" ".join(job.tags)), width)
     return rows
@@ -238,12 +241,12 @@ def _last_lines(last: LastResult | None, simulated: bool, text: Catalogue, width
     notes = filter(None, (text("jobs_page.circle"), simulation, uncompensated))
     return [
         _fact(text("jobs_page.last_part"), text.units.show(last.ront_um, "um", 2), width),
-        *((dim(_right(note, width)),) for note in notes),
+        *((dim(_align_right(note, width)),) for note in notes),
         _fact(text("jobs_page.parts", count=last.parts), _day(last.measured_at), width),
     ]
 
 
-def _marked(job: Job, key: str, value: str, text: Catalogue) -> str:
+def _mark_assumed_value(job: Job, key: str, value: str, text: Catalogue) -> str:
     """Return a value with its mark of assumption in front, so that the numbers stay aligned."""
     return f"{text('jobs_page.assumed')} {value}" if key in job.assumed else value
 
@@ -252,6 +255,6 @@ def _fact(label: str, value: str, width: int) -> Line:
     return fact(label, value, width, label_width=min(_LABEL, max(width - 10, 0)))
 
 
-def _right(text: str, cells: int) -> str:
-    kept = text if cell_len(text) < cells else fitted(text, cells - 1)
+def _align_right(text: str, cells: int) -> str:
+    kept = text if cell_len(text) < cells else fit_text(text, cells - 1)
     return " " * max(cells - cell_len(kept), 0) + kept

@@ -16,7 +16,18 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.align.hold_run import Overrun
 from console.tui.align.travel_lines import moving_words, speed_line, travel_lines
-from console.tui.lines import BLANK, Line, Piece, dim, first_fitting, line, ranged, to_the_right, width_of, wrapped
+from console.tui.lines import (
+    BLANK,
+    Line,
+    Piece,
+    dim,
+    first_fitting,
+    justify_line,
+    line,
+    to_the_right,
+    width_of,
+    wrap_line,
+)
 from console.tui.plot.canvas import BrailleCanvas
 from console.tui.plot.cell_view import Cells
 from console.tui.theme import Token
@@ -117,7 +128,7 @@ def _enable_line(text: Catalogue, jog: JogView, width: int) -> Line:
         if width_of((*line("● " + on), *right)) > width:  # its time begins anew when the motion ends
             on = text("align_page.jog_moving")
         left = "● " + on, Token.STRONG
-    return ranged((left,), right, width)
+    return justify_line((left,), right, width)
 
 
 def _ladder(text: Catalogue, jog: JogView) -> list[Line]:
@@ -150,7 +161,7 @@ def _turning_line(text: Catalogue, jog: JogView) -> Line:
 
 def _stopping_line(text: Catalogue, jog: JogView) -> Line:
     tool, carriage, spindle = (
-        _rounded_up(stopping_distance(jog.machine, axis, jog.steps.of(axis)), decimals)
+        _rounded_up(stopping_distance(jog.machine, axis, jog.steps.step_length(axis)), decimals)
         for axis, decimals in ((AxisName.TOOL, 3), (AxisName.CARRIAGE, 3), (AxisName.SPINDLE, 2))
     )
     return (dim(text("align_page.overrun", tool=tool, carriage=carriage, spindle=spindle)),)
@@ -197,7 +208,7 @@ def _scale(reading_um: float | None) -> Line:
 def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:
     """Return what is visible on the simulated lathe; on a real one, how to find it out."""
     if not jog.state.simulated:
-        return wrapped(text("align_page.real"), width)
+        return wrap_line(text("align_page.real"), width)
     seen = None if jog.state.activity is Activity.LOST else jog.state.seen
     mark: Piece = ("SIM", Token.SIM)
     if seen is None:

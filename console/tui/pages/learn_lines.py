@@ -18,9 +18,9 @@ from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.text.part_sentences import cause_words, certificate_lines, force_words
 from console.text.recorded_words import is_plain, stage_words, strategy_words
-from console.tui.lines import BLANK, Line, hanging, line, name_in, wrapped
+from console.tui.lines import BLANK, Line, hanging, line, name_in, wrap_line
 from console.tui.theme import Token
-from profiles.compensations.path import expected
+from profiles.compensations.path import expect_residual
 from profiles.files import printable
 
 _DATED = re.compile(r"-(\d{4})-?(\d\d)-?(\d\d)T(\d\d):?(\d\d)")
@@ -77,8 +77,8 @@ def learn_lines(
     lines = head_lines(learning, work, text, width, failed=failed, brief=brief)
     taught = learning.taught
     if taught is not None:
-        lines += wrapped(_harmonics_words(taught, text), width)
-        lines += wrapped(" · ".join(_facts(taught, work, text)), width)
+        lines += wrap_line(_harmonics_words(taught, text), width)
+        lines += wrap_line(" · ".join(_facts(taught, work, text)), width)
         for problem in taught.warnings:
             lines += hanging(_MARK, text.problem(problem), width, Token.WARNING)
     return lines
@@ -89,7 +89,7 @@ def head_lines(
 ) -> list[Line]:
     """Return the plain words: causes of a failed part, its residual, the key to press, reasons of a refusal."""
     lines = cause_lines(learning, text, width, brief=brief) if failed else []
-    lines += wrapped(plain_words(learning, work, text, failed=failed), width, Token.STRONG)
+    lines += wrap_line(plain_words(learning, work, text, failed=failed), width, Token.STRONG)
     return [*lines, *reason_lines(learning, text, width)]
 
 
@@ -98,7 +98,7 @@ def force_lines(part: MeasuredPart, check: ForceCheck | None, text: Catalogue, w
     if check is None or not part.is_half or not check.is_of(part.job):
         return []
     token = Token.WARNING if check.found.alarms else Token.TEXT
-    return wrapped(force_words(check.found, text), width, token)
+    return wrap_line(force_words(check.found, text), width, token)
 
 
 def cause_lines(learning: PartLearning, text: Catalogue, width: int, *, brief: bool) -> list[Line]:
@@ -120,7 +120,7 @@ def certified_lines(learning: PartLearning, text: Catalogue, width: int) -> list
     if learning.taught is None:
         return []
     title, *rows = certificate_lines(learning.taught.step.certificate, text) or [""]
-    return [BLANK, *wrapped(title, width, Token.STRONG), *(line((row, Token.TEXT)) for row in rows)]
+    return [BLANK, *wrap_line(title, width, Token.STRONG), *(line((row, Token.TEXT)) for row in rows)]
 
 
 def compensation_words(text: Catalogue, version: str | None, inverted: str = MODEL) -> str:
@@ -223,7 +223,7 @@ def plain_words(learning: PartLearning, work: Work | None, text: Catalogue, *, f
 def _half_words(taught: LearningOutcome, text: Catalogue) -> str:
     part = taught.step.next.part
     whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.fraction
-    left = expected(whole_um_pp, taught.stage.fraction)
+    left = expect_residual(whole_um_pp, taught.stage.fraction)
     right, wrong = (text.units.figure(each, "um", 1) for each in (left.right_um_pp, left.wrong_um_pp))
     return text("inspect_page.half_left", right=right, wrong=wrong)
 

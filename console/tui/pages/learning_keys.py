@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from console.session.cut.compensated import chosen_problems, inverting, using, with_accepted, without_learned
-from console.session.data.identified import ChosenResponse, kept_responses
-from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
+from console.session.cut.compensated_cut import chosen_problems, inverting, using, with_accepted, without_learned
+from console.session.data.identified_responses import ChosenResponse, kept_responses
+from console.session.data.learned_store import NEWEST, asked_for, choose_version, date_problems, versions
 from console.session.errors import SessionError
 from console.session.guide.measured_part import edited_problems, why_not_accepted, why_not_reverted
 from console.session.learning.calibrating import LOBE_TAKEN, PartLobe, accept_lobe, lobe_event
 from console.session.learning.part_learning import accept, record_accepted, record_kept, revert
 from console.session.stages import next_stage
-from console.session.work import Work, opened
+from console.session.work import Work, open_work
 from console.tui.ui_context import UiContext
 from drivers.cutting.strategy import Strategy
-from profiles.compensations.learned import LearnedCompensation
+from profiles.compensations.learned_compensation import LearnedCompensation
 from profiles.problem import Problem, ProblemError
 
 
@@ -40,16 +40,16 @@ def accept_part(ui: UiContext, typed: float | None = None) -> None:
     assert part.learning is not None
     kept = accept(part.learning, ui.data)
     ui.work = using(work, kept)
-    ui.said = record_accepted(ui.data, part.run_id, kept)
+    ui.key_answer = record_accepted(ui.data, part.run_id, kept)
 
 
 def _take_lobe(ui: UiContext, lobe: PartLobe, work: Work, run_id: str | None, typed: float | None) -> None:
     """Keep the lobe of a plain part in its job, and open the job with it: the next cut is compensated."""
     written = accept_lobe(lobe, work.machine.machine, ui.data, typed)
-    state, fresh = ui.control.state, opened(written, work.machine)
+    state, fresh = ui.control.state, open_work(written, work.machine)
     ui.work = with_accepted(fresh, ui.data, simulated=state.simulated, lathe=state.lathe)
     if run_id is not None:
-        ui.said = record_kept(ui.data, run_id, LOBE_TAKEN, lobe_event(written))
+        ui.key_answer = record_kept(ui.data, run_id, LOBE_TAKEN, lobe_event(written))
 
 
 def revert_version(ui: UiContext) -> None:
@@ -76,8 +76,8 @@ def step_compensation(ui: UiContext) -> None:
     """Toggle the open job between the newest version and the model; report anything unusual.
 
     Raises:
-        SessionError: `learned.edited_now`, no version is for an edited job; `learned.none_yet`; those of `chosen`.
-        ProfileError: versions that cannot be read. The choice stays.
+        SessionError: `learned.edited_now`, no version is for an edited job; `learned.none_yet`; those of
+        `choose_version`. ProfileError: versions that cannot be read. The choice stays.
     """
     work = ui.work
     if work is None:
@@ -88,7 +88,7 @@ def step_compensation(ui: UiContext) -> None:
     state = ui.control.state
     newest = _newest(work, ui.data, simulated=state.simulated, lathe=state.lathe)
     ui.work = using(work, newest)
-    ui.said = date_problems(newest)
+    ui.key_answer = date_problems(newest)
 
 
 def step_response(ui: UiContext) -> None:
@@ -145,7 +145,7 @@ def _newest(work: Work, data: Path, *, simulated: bool, lathe: str) -> LearnedCo
     known = versions(data, asked)
     if not known:
         raise SessionError(Problem(code="learned.none_yet", key=work.loaded.job.name))
-    newest = chosen(NEWEST, known, asked)
+    newest = choose_version(NEWEST, known, asked)
     assert newest is not None
     return newest
 
@@ -163,4 +163,4 @@ def say_what_does_not_hold(ui: UiContext) -> None:
     """Report why the open job may not be cut with the present choices, if so."""
     if ui.work is not None:
         state = ui.control.state
-        ui.said = chosen_problems(ui.work, simulated=state.simulated, lathe=state.lathe)
+        ui.key_answer = chosen_problems(ui.work, simulated=state.simulated, lathe=state.lathe)

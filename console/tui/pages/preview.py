@@ -12,7 +12,7 @@ from textual.containers import Horizontal, Vertical
 from textual.events import Resize
 
 from console.session.cut.alignment import Alignment, problems
-from console.session.cut.compensated import chosen_problems
+from console.session.cut.compensated_cut import chosen_problems
 from console.session.cut.interlocks import of_lobe
 from console.session.learning.learning_steps import scatter_um
 from console.session.stages import Stage, without_half
@@ -21,7 +21,7 @@ from console.session.work import Work, with_strategy
 from console.text.band import band_reasons
 from console.text.catalogue import Catalogue
 from console.tui.keymap import DIGITS, PageName
-from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, hanging, line, ranged, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, Sheet, clip_lines, dim, hanging, justify_line, line, wrap_line
 from console.tui.page import ChartPage
 from console.tui.pages import preview_lines
 from console.tui.pages.learn_lines import chosen_words
@@ -35,16 +35,16 @@ from console.tui.pages.learning_keys import (
 )
 from console.tui.pages.run_lines import window_words
 from console.tui.plot.frame import nice_limits
-from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
+from console.tui.plot.polar_view import AngleMark, PolarTrace, PolarView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.theme import Palette, Token
 from console.tui.ui_context import UiContext, View
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.band import predicted_band
 from drivers.preview.outlook import Outlook
-from drivers.preview.preview import Underway
+from drivers.preview.preview import PartialPreview
 from profiles.axis.envelope import highest_safe_speed
-from profiles.axis.response import ServoResponse, Source
+from profiles.axis.response import ResponseSource, ServoResponse
 from profiles.compensations.next_version import half_width_um_pp
 from profiles.files import printable
 from profiles.findings import Finding, Severity
@@ -60,7 +60,7 @@ _VALUE_CELLS = 9
 _NEXT_LIMITS = 2  # limits that are named beside the lowest
 
 
-def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
+def roundness_traces(seen: PartialPreview, strategy: Strategy) -> list[PolarTrace]:
     """Return the predicted roundness without compensation and, on top, with this strategy.
 
     Each is from its program; until that exists, from its closed form, if there is one. Where the path was learned
@@ -70,7 +70,7 @@ def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
     if seen.job.lobe_error_source == NO_LOBE:
         return traces
     for which, token in ((UNCOMPENSATED, Token.BEFORE), (strategy, Token.AFTER)):
-        made = preview_lines.predicted(seen, which)
+        made = preview_lines.find_prediction(seen, which)
         if made is None or (token is Token.AFTER and not strategy.traits.follows_lobe):
             continue
         angle_deg, left_um = made.angle_deg, made.residual_um
@@ -82,16 +82,16 @@ def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
     return traces
 
 
-def path_series(seen: Underway, strategy: Strategy, unit_um: float) -> list[Series]:
+def path_series(seen: PartialPreview, strategy: Strategy, unit_um: float) -> list[Series]:
     """Return the target path of the tool tip, and the command of this strategy, infeed in units of `unit_um`."""
     series = [Series(x=_TURN_DEG, y=seen.target.at_um(_TURN_DEG) / unit_um, token=Token.WANTED)]
-    made = preview_lines.predicted(seen, strategy)
+    made = preview_lines.find_prediction(seen, strategy)
     if made is not None:
         series.append(Series(x=made.angle_deg, y=made.command_um / unit_um, token=Token.COMMAND, dashed=True))
     return series
 
 
-def known_of(work: Work | None) -> Underway | None:
+def known_of(work: Work | None) -> PartialPreview | None:
     """Return what is known of the job so far."""
     return None if work is None else work.preview or work.outlook
 
@@ -102,10 +102,10 @@ class ProgramView(Sheet):
     def __init__(self, palette: Palette, text: Catalogue, *, id: str | None = None) -> None:
         super().__init__(palette, id=id)
         self._text = text
-        self._shown: tuple[Underway, Strategy] | None = None
+        self._shown: tuple[PartialPreview, Strategy] | None = None
         self._first = 0
 
-    def show_program(self, seen: Underway, strategy: Strategy) -> None:
+    def show_program(self, seen: PartialPreview, strategy: Strategy) -> None:
         """Show the program of a strategy; another one begins at its top."""
         before, self._shown = self._shown, (seen, strategy)
         if before is None or before[0].strategies.get(before[1]) is not seen.strategies.get(strategy):
@@ -155,12 +155,12 @@ class SpeedLimit:
 
 
 class SpeedLimits:
-    """Cache of the last limit, which takes some milliseconds; `of` is called whenever the page is painted."""
+    """Cache of the last limit, which takes some milliseconds; the page asks for it whenever it is painted."""
 
     def __init__(self) -> None:
         self._found: tuple[Job, MachineProfile, ServoResponse, SpeedLimit] | None = None
 
-    def of(self, seen: Outlook) -> SpeedLimit:
+    def limit_for(self, seen: Outlook) -> SpeedLimit:
         """Return the limits of a job on its machine, with the response that its cut inverts."""
         found, asked = self._found, (seen.job, seen.machine, seen.response)
         if found is None or any(a is not b for a, b in zip(found[:3], asked, strict=True)):
@@ -176,18 +176,18 @@ def speed_line(limit: SpeedLimit, text: Catalogue, width: int) -> Line:
     value = f"{limit.asked_rpm:.0f} / {limit.highest_rpm} rpm"
     mark = "! " if limit.is_exceeded else ""
     words = f" {mark}{value} {text(f'speed_limit.{limit.binding}')}"
-    return ranged(line(dim(text("preview_page.highest_speed"))), line((words, token)), width)
+    return justify_line(line(dim(text("preview_page.highest_speed"))), line((words, token)), width)
 
 
 def why_lines(
-    work: Work, seen: Underway, strategy: Strategy, limit: SpeedLimit, text: Catalogue, width: int
+    work: Work, seen: PartialPreview, strategy: Strategy, limit: SpeedLimit, text: Catalogue, width: int
 ) -> list[Line]:
     """Return why the predicted residual is a band, what limits the speed, and what is inverted."""
     rows = [*_band_lines(work, seen, strategy, text, width), BLANK, *_speed_lines(limit, text, width)]
     return [*rows, BLANK, *_response_lines(seen.response, seen.job.lobe_frequency_hz, text, width)]
 
 
-def span_of(work: Work, seen: Underway, strategy: Strategy) -> preview_lines.Span | None:
+def span_of(work: Work, seen: PartialPreview, strategy: Strategy) -> preview_lines.Span | None:
     """Return the limits of the remaining error: by the model, or by the part that a learned path is from."""
     if work.stage == Stage.AIR:
         return None
@@ -201,7 +201,7 @@ def _is_learned(work: Work) -> bool:
     return work.compensation is not None and not work.compensation.is_model
 
 
-def _span_by_part(work: Work, seen: Underway, strategy: Strategy) -> preview_lines.Span | None:
+def _span_by_part(work: Work, seen: PartialPreview, strategy: Strategy) -> preview_lines.Span | None:
     """Return the limits by the confidence of the part's lobe and the scatter of two clampings; None if unknown."""
     told, part = preview_lines.by_part(seen, strategy), work.compensation.part if work.compensation else None
     if told is None or told.ront_um is None or part is None:
@@ -210,29 +210,33 @@ def _span_by_part(work: Work, seen: Underway, strategy: Strategy) -> preview_lin
     return forecast_um(told.ront_um - half_um), forecast_um(told.ront_um + half_um)
 
 
-def _band_lines(work: Work, seen: Underway, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
+def _band_lines(work: Work, seen: PartialPreview, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
     """Return the contributions to the band, largest first, or why there is no band."""
     if strategy not in seen.strategies and not _is_learned(work):
-        return wrapped(text("preview_page.computing"), width, Token.DIM)
+        return wrap_line(text("preview_page.computing"), width, Token.DIM)
     span = span_of(work, seen, strategy)
     if span is None or seen.job.lobe_error_source == NO_LOBE:
-        return wrapped(text("preview_page.no_band"), width, Token.DIM)
+        return wrap_line(text("preview_page.no_band"), width, Token.DIM)
     low, high = (text.units.figure(each, "um", 1) for each in span)
-    rows = wrapped(text("preview_page.why_band", low=low, high=high, strategy=strategy.value), width, Token.STRONG)
+    rows = wrap_line(
+        text("preview_page.why_band", low=low, high=high, strategy=strategy.value), width, Token.STRONG
+    )
     found = sorted(_reasons(work, seen, strategy, text), key=lambda each: -1.0 if each[0] is None else each[0])
     for um, words in reversed(found):
         value = NOTHING if um is None else text.units.figure(um, "um", 2)
         rows += hanging(dim(f"{value:>{_VALUE_CELLS - 4}} {text.units.unit('um')} "), words, width)
     combined = "combined_learned" if _is_learned(work) else "combined"
-    rows += wrapped(text(f"preview_page.{combined}"), width, Token.DIM)
+    rows += wrap_line(text(f"preview_page.{combined}"), width, Token.DIM)
     left_um = preview_lines.calculated_um(seen, strategy)
     if left_um is not None and is_below_forecast(left_um):
         left, least = (text.units.figure(each, "um", 2) for each in (left_um, LEAST_FORECAST_UM))
-        rows += wrapped(text("preview_page.forecast", calculated=left, least=least), width)
+        rows += wrap_line(text("preview_page.forecast", calculated=left, least=least), width)
     return rows
 
 
-def _reasons(work: Work, seen: Underway, strategy: Strategy, text: Catalogue) -> list[tuple[float | None, str]]:
+def _reasons(
+    work: Work, seen: PartialPreview, strategy: Strategy, text: Catalogue
+) -> list[tuple[float | None, str]]:
     """Return each contribution, um p-p (None is not known), in words."""
     part = work.compensation.part if work.compensation is not None and _is_learned(work) else None
     if part is not None:
@@ -247,21 +251,21 @@ def _reasons(work: Work, seen: Underway, strategy: Strategy, text: Catalogue) ->
 
 def _speed_lines(limit: SpeedLimit, text: Catalogue, width: int) -> list[Line]:
     """Return the highest safe speed, what limits it, and what would limit it next."""
-    rows = wrapped(
+    rows = wrap_line(
         text("preview_page.why_speed", rpm=limit.highest_rpm, limit=text(f"speed_limit.{limit.binding}")),
         width,
         Token.WARNING if limit.is_exceeded else Token.STRONG,
     )
     following = sorted(limit.limits_rpm.items(), key=lambda each: each[1])[1 : 1 + _NEXT_LIMITS]
     said = " · ".join(f"{rpm:.0f} rpm {text(f'speed_limit.{name}')}" for name, rpm in following)
-    return [*rows, *wrapped(text("preview_page.next_limits", limits=said), width, Token.DIM)]
+    return [*rows, *wrap_line(text("preview_page.next_limits", limits=said), width, Token.DIM)]
 
 
 def _response_lines(response: ServoResponse, frequency_hz: float, text: Catalogue, width: int) -> list[Line]:
     """Return what the command inverts, and how well that is known."""
     percent = f"{100.0 * response.relative_95(frequency_hz):.1f}"
-    if response.source is Source.MODEL:
-        return wrapped(text("preview_page.inverts_model", percent=percent), width)
+    if response.source is ResponseSource.MODEL:
+        return wrap_line(text("preview_page.inverts_model", percent=percent), width)
     facts = {
         "name": printable(response.name, 60),
         "low": f"{response.lowest_hz:g}",
@@ -269,7 +273,7 @@ def _response_lines(response: ServoResponse, frequency_hz: float, text: Catalogu
         "amplitude": text.units.figure(response.amplitude_um or 0.0, "um", 0),
         "percent": percent,
     }
-    return wrapped(text("preview_page.inverts_identified", **facts), width)
+    return wrap_line(text("preview_page.inverts_identified", **facts), width)
 
 
 class PreviewPage(ChartPage):
@@ -321,7 +325,7 @@ class PreviewPage(ChartPage):
         self._reading = False
         self._speeds = SpeedLimits()
         self._in_full: tuple[tuple[Work, bool, int], list[Line]] | None = None
-        self._drawn: tuple[Underway, Strategy] | None = None
+        self._drawn: tuple[PartialPreview, Strategy] | None = None
         self._roundness.border_title = text("preview_page.roundness")
         self._roundness.border_subtitle = text("preview_page.roundness_as")
         self._strategy.border_title = text("preview_page.strategies")
@@ -372,7 +376,7 @@ class PreviewPage(ChartPage):
             words = text(f"preview_page.{_waiting_word(work)}")
         elif chosen_problems(work, simulated=view.state.simulated, lathe=view.state.lathe):
             words = text("preview_page.next_choose")
-        elif preview_lines.refused(seen, strategy):
+        elif preview_lines.is_refused(seen, strategy):
             words = text("preview_page.next_refused")
         elif strategy not in seen.strategies:
             words = text("preview_page.next_wait")
@@ -408,7 +412,7 @@ class PreviewPage(ChartPage):
         return [
             *rows,
             *([BLANK] if rows else []),
-            *why_lines(work, seen, strategy, self._speeds.of(seen), text, width),
+            *why_lines(work, seen, strategy, self._speeds.limit_for(seen), text, width),
         ]
 
     def leave(self) -> None:
@@ -422,7 +426,9 @@ class PreviewPage(ChartPage):
         work, seen, text = view.work, known_of(view.work), self.ui.text
         if work is None or seen is None:
             self.see(self._message, self.panels)
-            self._message.show(clipped(self._message_lines(view), self._message.size.height, text("panel.more")))
+            self._message.show(
+                clip_lines(self._message_lines(view), self._message.size.height, text("panel.more"))
+            )
             return
         strategy = Strategy(work.strategy)
         if self._reading:
@@ -444,17 +450,17 @@ class PreviewPage(ChartPage):
     def _message_lines(self, view: View) -> list[Line]:
         text, width = self.ui.text, max(self._message.size.width, 1)
         if view.work is None:
-            return wrapped(text("preview_page.no_job"), width)
+            return wrap_line(text("preview_page.no_job"), width)
         if view.work.preview_problems:
             return preview_lines.problem_lines(view.work.preview_problems, text, width)
-        return wrapped(text("preview_page.computing"), width)
+        return wrap_line(text("preview_page.computing"), width)
 
-    def _draw(self, seen: Underway, strategy: Strategy) -> None:
+    def _draw(self, seen: PartialPreview, strategy: Strategy) -> None:
         """Draw the plots, once for each preview and strategy."""
         if self._drawn is not None and self._drawn[0] is seen and self._drawn[1] is strategy:
             return
         self._drawn = (seen, strategy)
-        marks = [Mark(angle_deg=seen.job.jaw_1_deg, label="1")]
+        marks = [AngleMark(angle_deg=seen.job.jaw_1_deg, label="1")]
         units = self.ui.text.units
         self._polar.show(roundness_traces(seen, strategy), marks=marks, unit_um=units.size("um"))
         series = path_series(seen, strategy, units.size("um"))
@@ -466,7 +472,7 @@ class PreviewPage(ChartPage):
         self._path.show(picture)
 
     def _write(
-        self, seen: Underway, strategy: Strategy, alignment: Alignment, band: preview_lines.Span | None
+        self, seen: PartialPreview, strategy: Strategy, alignment: Alignment, band: preview_lines.Span | None
     ) -> None:
         text, scale = self.ui.text, self._polar.scale_um_per_division
         width, window = max(self._caption.size.width, 1), window_words(seen.job, seen.machine, self.ui.text)
@@ -476,7 +482,9 @@ class PreviewPage(ChartPage):
         needs = preview_lines.margins(seen, strategy, text.units)
         size = self._margins.size
         rows = preview_lines.margin_lines(needs, text, size.width, size.height - 1, window)
-        self._margins.show([*rows, speed_line(self._speeds.of(seen), text, size.width)][: max(size.height, 0)])
+        self._margins.show(
+            [*rows, speed_line(self._speeds.limit_for(seen), text, size.width)][: max(size.height, 0)]
+        )
 
 
 def _step_strategy(ui: UiContext) -> None:
@@ -503,7 +511,7 @@ def _waiting_word(work: Work) -> str:
     return "next_problem" if work.inverts is None else "next_problem_response"
 
 
-def _next_words(text: Catalogue, work: Work, seen: Underway, page: str) -> str:
+def _next_words(text: Catalogue, work: Work, seen: PartialPreview, page: str) -> str:
     """Return the kind of cut, where that needs a word, and what comes next: the findings, then a page."""
     found, word = preview_lines.findings_of(seen, Strategy(work.strategy)), _next_word(work, seen)
     opens, digit = text(f"preview_page.opens_{page}"), DIGITS[PageName(page)]
@@ -513,7 +521,7 @@ def _next_words(text: Catalogue, work: Work, seen: Underway, page: str) -> str:
     return f"{text(f'preview_page.{word}')} {then}"
 
 
-def _next_word(work: Work, seen: Underway) -> str:
+def _next_word(work: Work, seen: PartialPreview) -> str:
     if work.stage == Stage.AIR:
         return f"next_air{without_half(Strategy(work.strategy))}"
     if work.stage != Stage.FULL:

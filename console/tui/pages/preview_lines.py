@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 from console.session.cut.alignment import Alignment
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, hanging, line, ranged, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, clip_lines, dim, hanging, justify_line, line, wrap_line
 from console.tui.theme import Token
 from console.units import METRIC, Units
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
-from drivers.preview.preview import ClosedForm, Prediction, Underway, closed_form
-from profiles.compensations.learned import ExpectedPart
+from drivers.preview.preview import ClosedForm, PartialPreview, ProgramPrediction, closed_form
+from profiles.compensations.learned_compensation import ExpectedPart
 from profiles.findings import Finding, Severity
 from profiles.forecast import forecast_um
 from profiles.job import NO_LOBE, Job
@@ -65,19 +65,19 @@ class Margin:
         return None if self.need is None or self.limit is None else 100.0 * self.need / self.limit
 
 
-def predicted(seen: Underway, strategy: Strategy) -> Prediction | ClosedForm | None:
+def find_prediction(seen: PartialPreview, strategy: Strategy) -> ProgramPrediction | ClosedForm | None:
     """Return the predicted result of a strategy's program; until that exists, its closed form, if any."""
     if strategy in seen.strategies:
         return seen.predictions.get(strategy)
     return closed_form(seen, strategy)
 
 
-def by_part(seen: Underway, strategy: Strategy) -> ExpectedPart | None:
+def by_part(seen: PartialPreview, strategy: Strategy) -> ExpectedPart | None:
     """Return the prediction from a measured part for this strategy, instead of the model, if there is one."""
     return seen.taught if strategy is seen.strategy else None
 
 
-def left_words(seen: Underway, strategy: Strategy, units: Units) -> str:
+def left_words(seen: PartialPreview, strategy: Strategy, units: Units) -> str:
     """Return the forecast roundness, a number: by the part that the path was learned from, else by the model."""
     left_um = calculated_um(seen, strategy)
     if left_um is None:
@@ -85,7 +85,7 @@ def left_words(seen: Underway, strategy: Strategy, units: Units) -> str:
     return units.figure(forecast_um(left_um), "um", 1)
 
 
-def calculated_um(seen: Underway, strategy: Strategy) -> float | None:
+def calculated_um(seen: PartialPreview, strategy: Strategy) -> float | None:
     """Return what is calculated to be left, by the part that the path was learned from or by the model, um p-p."""
     expected, made = by_part(seen, strategy), seen.predictions.get(strategy)
     if expected is not None:
@@ -93,7 +93,7 @@ def calculated_um(seen: Underway, strategy: Strategy) -> float | None:
     return None if made is None else made.ront_um
 
 
-def findings_of(seen: Underway, strategy: Strategy) -> tuple[Finding, ...]:
+def findings_of(seen: PartialPreview, strategy: Strategy) -> tuple[Finding, ...]:
     """Return the rules that are not met, refusals first: of the job, and of this strategy's program."""
     plan, of_plan = seen.strategies.get(strategy), list[Finding]()
     if isinstance(plan, ProblemError):
@@ -104,7 +104,7 @@ def findings_of(seen: Underway, strategy: Strategy) -> tuple[Finding, ...]:
     return tuple(sorted(unmet, key=lambda finding: finding.severity is not Severity.REFUSAL))
 
 
-def refused(seen: Underway, strategy: Strategy) -> bool:
+def is_refused(seen: PartialPreview, strategy: Strategy) -> bool:
     """Whether a cut with this strategy would not be started."""
     return any(finding.severity is Severity.REFUSAL for finding in findings_of(seen, strategy))
 
@@ -132,7 +132,7 @@ def jaw_words(job: Job, alignment: Alignment, text: Catalogue) -> str:
 
 
 def roundness_caption(
-    seen: Underway,
+    seen: PartialPreview,
     strategy: Strategy,
     alignment: Alignment,
     um_per_division: float,
@@ -144,8 +144,8 @@ def roundness_caption(
     without, with_ = seen.predictions.get(UNCOMPENSATED), seen.predictions.get(strategy)
     lines: list[Line] = []
     if seen.job.lobe_error_source == NO_LOBE:
-        words = wrapped(text("preview_page.lobe_unknown"), width, Token.WARNING)
-        return [*words, BLANK, *wrapped(jaw_words(seen.job, alignment, text), width)]
+        words = wrap_line(text("preview_page.lobe_unknown"), width, Token.WARNING)
+        return [*words, BLANK, *wrap_line(jaw_words(seen.job, alignment, text), width)]
     if without is not None or UNCOMPENSATED not in seen.strategies:
         left_um = seen.job.lobe_error_um_pp if without is None else without.ront_um
         lines += _trace_words(
@@ -159,23 +159,25 @@ def roundness_caption(
     if strategy.traits.follows_lobe and (with_ is not None or strategy not in seen.strategies):
         left = left_words(seen, strategy, text.units)
         lines += _trace_words(AFTER_KEY, strategy.value, Token.AFTER, left, text, width, band)
-    lines.append((dim(text("preview_page.scale", value=text.units.short(um_per_division, "um"))),))
-    return [*lines, *wrapped(jaw_words(seen.job, alignment, text), width)]
+    lines.append((dim(text("preview_page.scale", value=text.units.format_short(um_per_division, "um"))),))
+    return [*lines, *wrap_line(jaw_words(seen.job, alignment, text), width)]
 
 
-def strategy_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int, height: int) -> list[Line]:
+def strategy_lines(
+    seen: PartialPreview, strategy: Strategy, text: Catalogue, width: int, height: int
+) -> list[Line]:
     """Return each strategy's remaining error, the findings against the chosen one, and its effect on the servo."""
     findings = findings_of(seen, strategy)
     lines = [_left_on_part(seen, each, strategy, text, width) for each in Strategy]
-    lines.append(_found(seen.strategies.get(strategy), findings, text, width))
+    lines.append(_findings_line(seen.strategies.get(strategy), findings, text, width))
     lines += _servo_lines(seen, strategy, text, width)
     room, words = height - len(lines), finding_lines(findings, text, width)
     if words and room > _SPACED_ROWS:
-        lines += [BLANK, *clipped(words, room - 1, text("panel.more"))]
+        lines += [BLANK, *clip_lines(words, room - 1, text("panel.more"))]
     return lines[: max(height, 0)]
 
 
-def margins(seen: Underway, strategy: Strategy, units: Units) -> tuple[Margin, ...]:
+def margins(seen: PartialPreview, strategy: Strategy, units: Units) -> tuple[Margin, ...]:
     """Return what the chosen strategy needs of the drive, against the machine's limits."""
     tool, needs = seen.machine.tool, _needs(seen, strategy)
     limits: dict[str, float | None] = {key: drive.limit for key, drive in seen.demands.items()}
@@ -195,8 +197,8 @@ def margins(seen: Underway, strategy: Strategy, units: Units) -> tuple[Margin, .
     )
 
 
-def _needs(seen: Underway, strategy: Strategy) -> dict[str, float]:
-    made = predicted(seen, strategy)
+def _needs(seen: PartialPreview, strategy: Strategy) -> dict[str, float]:
+    made = find_prediction(seen, strategy)
     if made is not None:
         stroke_um, lobe_hz, demands = made.stroke_um, made.lobe_frequency_hz, made.demands
     elif strategy in seen.strategies:  # there is no program: the needs of the inverse may explain why
@@ -219,7 +221,7 @@ def margin_lines(
         if height >= _SPACED_ROWS * len(needs) + bool(window):
             lines.append(BLANK)
     if window:
-        lines.append(ranged(line(dim(text("preview_page.force_window"))), line(f" {window}"), width))
+        lines.append(justify_line(line(dim(text("preview_page.force_window"))), line(f" {window}"), width))
     return lines[: max(height, 0)]
 
 
@@ -232,49 +234,53 @@ def _margin(need: Margin, text: Catalogue, width: int, values: int, bar: int) ->
     drawn: Line = (("■" * filled, token), dim("□" * (bar - filled)), dim(" ")) if bar else ()
     shown = f"{UNKNOWN:>3}" if need.percent is None else f"{percent:3.0f}"
     right = line((f"{need.value:>{values}}", token), (f" {shown} %", token), "!" if over else " ")
-    return ranged(line(dim(text(f"preview_page.{need.name}"))), (*drawn, *right), width)
+    return justify_line(line(dim(text(f"preview_page.{need.name}"))), (*drawn, *right), width)
 
 
 def _trace_words(
     key: str, name: str, token: Token, ront: str, text: Catalogue, width: int, band: Span | None = None
 ) -> list[Line]:
     head, room, unit = line((key, token), " ", name), max(width - 1, 0), text.units.unit("um")
-    alone = ranged(BLANK, line((f"{ront} {unit}", token)), room)
+    alone = justify_line(BLANK, line((f"{ront} {unit}", token)), room)
     if band is None:
         return [head, alone]
     span = "–".join(text.units.figure(each, "um", 1) for each in band)
     # The unit is that of the trace before it, where there is no room for another.
     for both in (f"{ront} ({span}) {unit}", f"{ront} ({span})"):
         if len(both) <= room:
-            return [head, ranged(BLANK, line((both, token)), room)]
-    return [head, alone, ranged(BLANK, line((f"({span})", token)), room)]
+            return [head, justify_line(BLANK, line((both, token)), room)]
+    return [head, alone, justify_line(BLANK, line((f"({span})", token)), room)]
 
 
-def _left_on_part(seen: Underway, strategy: Strategy, chosen: Strategy, text: Catalogue, width: int) -> Line:
+def _left_on_part(seen: PartialPreview, strategy: Strategy, chosen: Strategy, text: Catalogue, width: int) -> Line:
     mark, token = ("▸ ", Token.STRONG) if strategy is chosen else ("  ", Token.TEXT)
     left = line((mark, Token.ACTION), (f"{strategy.value:<9}", token), dim(text(f"strategy.{strategy}.how")))
-    if refused(seen, strategy):
-        return ranged(left, line(("✗ " + text("preview_page.refused"), Token.ALARM)), width)
+    if is_refused(seen, strategy):
+        return justify_line(left, line(("✗ " + text("preview_page.refused"), Token.ALARM)), width)
     if seen.job.lobe_error_source == NO_LOBE:
         words = text("preview_page.needs_lobe") if strategy.traits.follows_lobe else "?"
-        return ranged(left, line((f" {words}", Token.DIM)), width)
-    return ranged(left, line((f" {left_words(seen, strategy, text.units)} {text.units.unit('um')}", token)), width)
+        return justify_line(left, line((f" {words}", Token.DIM)), width)
+    return justify_line(
+        left, line((f" {left_words(seen, strategy, text.units)} {text.units.unit('um')}", token)), width
+    )
 
 
-def _found(plan: CutPlan | ProblemError | None, findings: Sequence[Finding], text: Catalogue, width: int) -> Line:
+def _findings_line(
+    plan: CutPlan | ProblemError | None, findings: Sequence[Finding], text: Catalogue, width: int
+) -> Line:
     if plan is None:
-        return ranged(line(dim(f"{UNKNOWN} "), text("preview_page.checking")), line(f" {UNKNOWN} s"), width)
+        return justify_line(line(dim(f"{UNKNOWN} "), text("preview_page.checking")), line(f" {UNKNOWN} s"), width)
     mark = MARKS[findings[0].severity if findings else Severity.OK]
     words = text("preview_page.findings", count=len(findings)) if findings else text("preview_page.no_findings")
     time = f" {plan.duration_s:.1f} s" if isinstance(plan, CutPlan) else ""
-    return ranged(line(mark, " ", words), line(time), width)
+    return justify_line(line(mark, " ", words), line(time), width)
 
 
-def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
+def _servo_lines(seen: PartialPreview, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
     plan, prediction = seen.strategies.get(strategy), seen.predictions.get(strategy)
     if isinstance(plan, ProblemError):
         return []
-    made = predicted(seen, strategy)
+    made = find_prediction(seen, strategy)
     depth = UNKNOWN if prediction is None else text.units.figure(prediction.mean_um, "um", 1)
     speed = UNKNOWN if plan is None else f"{plan.spindle_speed_rpm:.0f}"
     frequency = UNKNOWN if made is None else f"{made.lobe_frequency_hz:.1f}"
@@ -287,10 +293,10 @@ def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int
         (text("preview_page.depth"), f"{depth} {text.units.unit('um')}"),
         (text("preview_page.speed"), f"{speed} rpm"),
     )
-    return [ranged(line(dim(label)), line(" " + value), width) for label, value in rows]
+    return [justify_line(line(dim(label)), line(" " + value), width) for label, value in rows]
 
 
-def _inverse(seen: Underway, strategy: Strategy, text: Catalogue) -> str:
+def _inverse(seen: PartialPreview, strategy: Strategy, text: Catalogue) -> str:
     if not strategy.traits.inverts or seen.target.amplitude_um == 0.0:
         return text("preview_page.not_inverted")
     if strategy is not seen.strategy:
@@ -316,7 +322,7 @@ def program_lines(text: str, width: int) -> list[Line]:
     return lines
 
 
-def program_rows(seen: Underway, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
+def program_rows(seen: PartialPreview, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
     """Return the findings in words, then the program, if there is one."""
     found = finding_lines(findings_of(seen, strategy), text, width)
     plan = seen.strategies.get(strategy)

@@ -8,7 +8,7 @@ from textual.widgets import Input
 from textual.widgets.input import Selection
 
 from console.session.data.run_reader import RunFilters
-from console.session.learning.job_chart import Figure, JobChart
+from console.session.learning.job_chart import ChartedQuantity, JobChart
 from console.session.station.state import StationState
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
@@ -16,8 +16,8 @@ from console.tui.lines import Line, line
 from console.tui.page import ChartPage
 from console.tui.records.background_reader import Problems
 from console.tui.records.list_lines import RunList
-from console.tui.records.panels import Mode, RecordsPanels, full_lines
-from console.tui.records.reading import ALL, PIECE, Listing, ListQuery, OpenedRuns, RecordsReader
+from console.tui.records.panels import RecordsPanels, RecordsView, full_lines
+from console.tui.records.reading import ALL, PIECE, ListQuery, OpenedRuns, RecordsReader, RunListing
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.fields import TEXT_CAP_CHARACTERS
@@ -25,7 +25,7 @@ from profiles.problem import Problem
 
 STEPS = {"records.up": -1, "records.down": 1}
 JUMPS = ("records.page_up", "records.page_down", "records.first", "records.last")
-BEHIND = {"records.program": Mode.PROGRAM, "records.cut": Mode.CUT}
+BEHIND = {"records.program": RecordsView.PROGRAM, "records.cut": RecordsView.CUT}
 FILTERS = ("records.search", "records.failed", "records.job", "records.machines")
 
 
@@ -58,7 +58,7 @@ class RecordsPage(ChartPage):
         self._entry.max_length = TEXT_CAP_CHARACTERS
         self.panels = (*self._panels.all, self._entry)
         self._reader = RecordsReader(ui.data, ui.machine)
-        self._mode = Mode.LIST
+        self._mode = RecordsView.LIST
         self._filters = RunFilters()
         self._everywhere = False
         self._words = ""
@@ -67,9 +67,9 @@ class RecordsPage(ChartPage):
         self._list: RunList | None = None
         self._marked: str | None = None
         self._run_id = ""
-        self._figure = Figure.RONT
+        self._figure = ChartedQuantity.RONT
         self._top = 0
-        self._found: Listing | OpenedRuns | JobChart | Problems | None = None
+        self._found: RunListing | OpenedRuns | JobChart | Problems | None = None
         self._shown: object = None
 
     def act(self, action: str) -> None:  # noqa: C901 - one branch a case
@@ -87,7 +87,7 @@ class RecordsPage(ChartPage):
         elif action == "records.open":
             self._open()
         elif action == "records.back":
-            self._go(Mode.RUN if self._mode in BEHIND.values() else Mode.LIST)
+            self._go(RecordsView.RUN if self._mode in BEHIND.values() else RecordsView.LIST)
         elif self.ui.answers(self.why_not(action, self.ui.view)):
             return
         elif action == "records.search":
@@ -103,8 +103,8 @@ class RecordsPage(ChartPage):
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why a filter, or what is behind a run, cannot be had here."""
-        behind_chart = action in BEHIND and self._mode is Mode.CHART
-        if behind_chart or (action in FILTERS and self._mode is not Mode.LIST):
+        behind_chart = action in BEHIND and self._mode is RecordsView.CHART
+        if behind_chart or (action in FILTERS and self._mode is not RecordsView.LIST):
             return (Problem(code="screen.records_list_first"),)
         if action == "records.job" and view.work is None and self._filters.job is None:
             return (Problem(code="screen.nothing_to_cut"),)
@@ -118,7 +118,7 @@ class RecordsPage(ChartPage):
         if self._is_typing and self.screen.focused is not self._entry:
             self.screen.set_focus(self._entry, scroll_visible=False)
         self._read(view.state)
-        shown = (self._mode, id(self._found), self._list, self._top, self._is_typing, self._wanted(view.state))
+        shown = (self._mode, id(self._found), self._list, self._top, self._is_typing, self._run_query(view.state))
         sizes = self._panels.sizes
         if (shown, sizes) != self._shown:
             self._shown = (shown, sizes)
@@ -126,10 +126,10 @@ class RecordsPage(ChartPage):
 
     def paint(self, view: View) -> None:
         """Show everything anew."""
-        target = self._panels.of(self._mode, self._found)
+        target = self._panels.panel_for(self._mode, self._found)
         self.see(target, self._panels.all)
-        if self._mode is Mode.LIST:
-            wanted = self._wanted(view.state)
+        if self._mode is RecordsView.LIST:
+            wanted = self._run_query(view.state)
             self._panels.show_list(
                 self._list, wanted, self._found, everywhere=self._everywhere, typing=self._is_typing
             )
@@ -149,9 +149,11 @@ class RecordsPage(ChartPage):
     def next_step(self, view: View) -> Line:
         """Return what the keys show."""
         mode = "typing" if self._is_typing else str(self._mode)
-        if mode == Mode.LIST and (self._list is None or self._list.row is None):
-            mode = "empty" if isinstance(self._found, Listing) else "reading" if self._found is None else "problem"
-        elif mode == Mode.LIST and self._marked is not None:
+        if mode == RecordsView.LIST and (self._list is None or self._list.row is None):
+            mode = (
+                "empty" if isinstance(self._found, RunListing) else "reading" if self._found is None else "problem"
+            )
+        elif mode == RecordsView.LIST and self._marked is not None:
             mode = "marked"
         return line((self.ui.text(f"records_page.next.{mode}"), Token.ACTION))
 
@@ -160,23 +162,23 @@ class RecordsPage(ChartPage):
         return full_lines(self._mode, self._found, self.ui.text, width)
 
     def _read(self, state: StationState) -> None:
-        if self._mode is Mode.LIST:
-            self._found = self._reader.listing(self._wanted(state))
-            if isinstance(self._found, Listing):
+        if self._mode is RecordsView.LIST:
+            self._found = self._reader.listing(self._run_query(state))
+            if isinstance(self._found, RunListing):
                 self._list = self._at_its_run(self._found)
             elif self._found is not None:
                 self._list = None
-        elif self._mode is Mode.CHART:
+        elif self._mode is RecordsView.CHART:
             row = None if self._list is None else self._list.row
             if row is not None:
                 version = self._version(state)
                 self._found = self._reader.chart(row, self._figure, version, moving=state.may_move)
         else:
-            pair = self._mode is Mode.PAIR and self._marked is not None
+            pair = self._mode is RecordsView.PAIR and self._marked is not None
             run_ids = (self._marked or "", self._run_id) if pair else (self._run_id,)
-            self._found = self._reader.opened(run_ids, self._version(state), moving=state.may_move)
+            self._found = self._reader.open_runs(run_ids, self._version(state), moving=state.may_move)
 
-    def _at_its_run(self, listing: Listing) -> RunList:
+    def _at_its_run(self, listing: RunListing) -> RunList:
         """Return a list with the selection on the same run as before, else near it."""
         before = self._list
         if self._to_end and not listing.more:
@@ -190,7 +192,7 @@ class RecordsPage(ChartPage):
             place = min(place, len(listing.rows) - 1) if found is None else found
         return RunList(listing=listing, selected=max(place, 0), marked=self._marked)
 
-    def _wanted(self, state: StationState) -> ListQuery:
+    def _run_query(self, state: StationState) -> ListQuery:
         here = None if self._everywhere else self.ui.machine.machine.name
         simulated = None if self._everywhere else state.simulated
         filters = replace(self._filters, machine=here, simulated=simulated)
@@ -205,7 +207,7 @@ class RecordsPage(ChartPage):
         page = self._panels.page_rows(self._mode)
         ways = {**STEPS, "records.page_up": -page, "records.page_down": page, "records.first": -ALL}
         by = ways.get(action, ALL)
-        if self._mode is not Mode.LIST:
+        if self._mode is not RecordsView.LIST:
             self._top = max(self._top + by, 0)
         elif listing is not None:
             last = len(listing.listing.rows) - 1
@@ -217,15 +219,15 @@ class RecordsPage(ChartPage):
 
     def _open(self) -> None:
         row = None if self._list is None else self._list.row
-        if self._mode is Mode.LIST and row is not None:
+        if self._mode is RecordsView.LIST and row is not None:
             self._run_id = row.run_id
-            self._go(Mode.RUN if self._marked in (None, row.run_id) else Mode.PAIR)
+            self._go(RecordsView.RUN if self._marked in (None, row.run_id) else RecordsView.PAIR)
 
-    def _look_behind(self, mode: Mode) -> None:
+    def _look_behind(self, mode: RecordsView) -> None:
         """Show the program or the telemetry of the selected or open run; again: the run."""
         if self._mode is mode:
-            self._go(Mode.RUN)
-        elif self._mode is Mode.LIST:
+            self._go(RecordsView.RUN)
+        elif self._mode is RecordsView.LIST:
             row = None if self._list is None else self._list.row
             if row is not None:
                 self._run_id = row.run_id
@@ -235,20 +237,22 @@ class RecordsPage(ChartPage):
 
     def _chart(self, action: str) -> None:
         """Show the run chart of the selected run's job, of RONt or diameter; again: the list."""
-        if self._mode is Mode.CHART and action == "records.chart":
-            self._go(Mode.LIST)
+        if self._mode is RecordsView.CHART and action == "records.chart":
+            self._go(RecordsView.LIST)
             return
-        if self._mode is Mode.CHART or action == "records.figure":
-            self._figure = Figure.RONT if self._figure is Figure.DIAMETER else Figure.DIAMETER
+        if self._mode is RecordsView.CHART or action == "records.figure":
+            self._figure = (
+                ChartedQuantity.RONT if self._figure is ChartedQuantity.DIAMETER else ChartedQuantity.DIAMETER
+            )
         if self._list is not None and self._list.row is not None:
-            self._go(Mode.CHART)
+            self._go(RecordsView.CHART)
 
     def _mark(self) -> None:
         row = None if self._list is None else self._list.row
-        if row is not None and self._mode is not Mode.CHART:
+        if row is not None and self._mode is not RecordsView.CHART:
             self._marked = None if self._marked == row.run_id else row.run_id
-            if self._mode is Mode.PAIR:
-                self._go(Mode.LIST)
+            if self._mode is RecordsView.PAIR:
+                self._go(RecordsView.LIST)
 
     def _filter(self, action: str) -> None:
         if action == "records.failed":
@@ -264,7 +268,7 @@ class RecordsPage(ChartPage):
     def _begin_list(self) -> None:
         self._count, self._to_end, self._list = PIECE, False, None
 
-    def _go(self, mode: Mode) -> None:
+    def _go(self, mode: RecordsView) -> None:
         if mode is not self._mode:
             self._mode, self._top, self._found = mode, 0, None
 

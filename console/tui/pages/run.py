@@ -8,10 +8,10 @@ from typing import ClassVar
 
 from rich.cells import cell_len
 
-from console.session.cut.compensated import with_news
-from console.session.guide.refusals import refused
+from console.session.cut.compensated_cut import with_news
+from console.session.guide.refusals import find_refusals
 from console.session.guide.rows import RUN, row_of
-from console.session.guide.situation import Phase, Situation, phase_of
+from console.session.guide.situation import GuidePhase, Situation, phase_of
 from console.session.guide.start_checks import checks
 from console.session.station.commands import (
     LEAST_ARMED_S,
@@ -34,13 +34,13 @@ from console.text.catalogue import Catalogue
 from console.tui.align.jog_presses import JogPresses, ReportedStrokes
 from console.tui.application.key_releases import Stroke
 from console.tui.keymap import Action, PageName, actions_of
-from console.tui.lines import BLANK, Line, dim, hanging, line, wrapped
+from console.tui.lines import BLANK, Line, dim, hanging, line, wrap_line
 from console.tui.page import Page
 from console.tui.pages import run_lines
 from console.tui.pages.cut_lines import live_lines
-from console.tui.pages.fields import named
+from console.tui.pages.fields import name_field
 from console.tui.pages.stop_lines import lost_lines, stop_lines
-from console.tui.run.adjust_lines import adjust_in_full, adjust_reasons, allowed, armed_bounds
+from console.tui.run.adjust_lines import adjust_in_full, adjust_reasons, armed_bounds, list_adjustables
 from console.tui.run.error_band import error_band
 from console.tui.run.moment_lines import moment_in_full
 from console.tui.run.panels import WIDEST_FACT, RunPanels
@@ -77,7 +77,7 @@ def _of_action(text: Catalogue, action: Action, reasons: tuple[Problem, ...], wi
         return
     yield line((f"✗ {action.shown} {text(f'key.{action.id}')}", Token.WARNING))
     for problem in dict.fromkeys(reasons):
-        yield from hanging(dim("  "), text.problem(named(problem, text)), width)
+        yield from hanging(dim("  "), text.problem(name_field(problem, text)), width)
 
 
 class AdjustKeys:
@@ -94,7 +94,7 @@ class AdjustKeys:
 
     def press(self, action: str, stroke: Stroke | None, now_s: float) -> list[str]:
         """Note a press; return the actions that are known by now to be steps, in the order of their presses."""
-        before = self.due(now_s)
+        before = self.take_due_actions(now_s)
         if stroke is not None:
             self._presses.forget()
             finger = self._strokes.is_finger(stroke, now_s)
@@ -104,9 +104,9 @@ class AdjustKeys:
             self.held = self._presses.held
         return [*before, action] if finger else before
 
-    def due(self, now_s: float) -> list[str]:
+    def take_due_actions(self, now_s: float) -> list[str]:
         """Return the action of a press that no repeat followed, once."""
-        action = self._presses.due(now_s)
+        action = self._presses.take_due_key(now_s)
         return [] if action is None else [action]
 
 
@@ -151,8 +151,8 @@ class RunPage(Page):
         self._view = view
         self._take_news()
         phase = phase_of(view.state)
-        self._adjust(self._adjust_keys.due(self.ui.control.now_s()))
-        self.set_class(phase is Phase.CUTTING, "-live")
+        self._adjust(self._adjust_keys.take_due_actions(self.ui.control.now_s()))
+        self.set_class(phase is GuidePhase.CUTTING, "-live")
         self.set_class(view.state.paused, "-paused")
         roomy = self.size.height >= LEAST_POLAR_ROWS
         if roomy != self.has_class("-roomy"):
@@ -166,7 +166,7 @@ class RunPage(Page):
         self._asked = False
         self._adjust_keys.forget()
 
-    def heard(self, action: str | None) -> None:
+    def note_action(self, action: str | None) -> None:
         """Drop a press that waits, at any key but those that change the cut."""
         if action not in _ADJUSTS:
             self._adjust_keys.forget()
@@ -178,7 +178,7 @@ class RunPage(Page):
             self._asked = True
             self.ui.work = with_news(work, self.ui.data, simulated=state.simulated, lathe=state.lathe)
 
-    def _have_room(self, phase: Phase) -> bool:
+    def _have_room(self, phase: GuidePhase) -> bool:
         """Whether the panels know their size. If not, they are filled as soon as they have a layout."""
         if self._shown.have_room(phase):
             return True
@@ -239,9 +239,9 @@ class RunPage(Page):
         """Return why nothing can be armed, started, ended or retracted now."""
         if action in (*_ADJUSTS, "run.choose"):
             return adjust_reasons(action, self._adjustment(action), view.state)
-        return refused(action, self._now(view), KEYS[action])
+        return find_refusals(action, self._present_situation(view), KEYS[action])
 
-    def _now(self, view: View) -> Situation:
+    def _present_situation(self, view: View) -> Situation:
         machine = self.ui.machine.machine
         return Situation(state=view.state, work=view.work, machine=machine, now_s=view.now_s)
 
@@ -251,7 +251,7 @@ class RunPage(Page):
     def _choose(self) -> None:
         """Let + and - change the next one of what this cut allows."""
         cut = self.ui.control.state.cut
-        choices = [] if cut is None else allowed(cut.adjusted.bounds)
+        choices = [] if cut is None else list_adjustables(cut.adjusted.bounds)
         place = choices.index(self._adjusts) + 1 if self._adjusts in choices else 0
         self._adjusts = choices[place % len(choices)]
         self._shown.redraw()
@@ -260,8 +260,8 @@ class RunPage(Page):
         """Return what to do now."""
         if view.state.activity is Activity.LOST:
             return BLANK  # `lost_step`, the same on every page
-        row = row_of(RUN, self._now(view))
-        under_way = phase_of(view.state) is Phase.CUTTING or row.word == "run.taken_out"
+        row = row_of(RUN, self._present_situation(view))
+        under_way = phase_of(view.state) is GuidePhase.CUTTING or row.word == "run.taken_out"
         waits = row.word in ("run.loading", "run.moves", "run.wait")
         token = Token.STRONG if under_way else Token.DIM if waits else Token.ACTION
         armed, until_s = view.state.armed, view.state.loading_until_s
@@ -279,13 +279,13 @@ class RunPage(Page):
         text, state, machine = self.ui.text, view.state, self.ui.machine.machine
         facts = min(width, WIDEST_FACT)
         match phase_of(state):
-            case Phase.LOST:
+            case GuidePhase.LOST:
                 return lost_lines(text, state, view.now_s, width)
-            case Phase.STOPPED if state.stop is not None:
+            case GuidePhase.STOPPED if state.stop is not None:
                 return stop_lines(text, state, facts)
-            case Phase.ENDED:
+            case GuidePhase.ENDED:
                 return run_lines.after_lines(text, state, view.work, machine, width)
-            case Phase.CUTTING if state.cut is not None:
+            case GuidePhase.CUTTING if state.cut is not None:
                 live = live_lines(text, state.cut, view.job, facts)
                 changed = adjust_in_full(text, state.cut, self._adjusts, width)
                 return [*moment_in_full(text, state.cut, error_band(state.cut), width), *changed, BLANK, *live]
@@ -293,7 +293,7 @@ class RunPage(Page):
         rows = [] if view.work is None else run_lines.summary_lines(text, state, view.work, view.now_s, facts)
         found = run_lines.check_lines(text, checks(state, view.work, machine), width)
         if state.armed is not None:
-            moves += wrapped(text("run_page.adjust.armed", bounds=armed_bounds(text, state.armed.bounds)), width)
+            moves += wrap_line(text("run_page.adjust.armed", bounds=armed_bounds(text, state.armed.bounds)), width)
         return [*moves, *found, *run_lines.input_lines(text, state.snapshot, width), *rows]
 
     def _arm(self) -> None:
@@ -321,5 +321,5 @@ class RunPage(Page):
         """Return how long the summary takes to read that arming will show."""
         view = self.ui.view
         summary = run_lines.summary_lines(self.ui.text, view.state, work, view.now_s, WIDEST_FACT)
-        moves = wrapped(self.ui.text("run_page.moves_first", z=0, radius=0, speed=0, duration=0), WIDEST_FACT)
+        moves = wrap_line(self.ui.text("run_page.moves_first", z=0, radius=0, speed=0, duration=0), WIDEST_FACT)
         return reading_s([*summary, *moves])

@@ -17,7 +17,7 @@ from console.session.guide.start_checks import checks, is_over
 from console.session.stages import without_half
 from console.session.station.jogging import tool_radius_mm
 from console.session.station.progress import CutProgress, CutStage
-from console.session.station.state import Armed, StationState
+from console.session.station.state import ArmedCut, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.text.forces import short_span_words
@@ -34,16 +34,16 @@ from console.tui.lines import (
     hanging,
     line,
     name_in,
-    wrapped,
+    wrap_line,
 )
-from console.tui.pages.fields import named
+from console.tui.pages.fields import name_field
 from console.tui.pages.learn_lines import chosen_words, made_words
 from console.tui.pages.stop_lines import cut_words, mark_lines
 from console.tui.run.adjust_lines import changed_lines
 from console.tui.theme import Token
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import Snapshot
-from profiles.chucking.advice import Stands, force_span
+from profiles.chucking.advice import ForcePosition, force_span
 from profiles.files import printable
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -71,7 +71,7 @@ def check_lines(
             mark = "✗ " if check.problems else "! "
             reasons = [line((mark + name + more, Token.WARNING))]
             for problem in (*shown, *check.warnings):
-                reasons += hanging(dim("  "), text.problem(named(problem, text)), width)
+                reasons += hanging(dim("  "), text.problem(name_field(problem, text)), width)
             rows += reasons
             wrong += reasons
     wrong_first = [*wrong, *(row for row in rows if row not in wrong)]
@@ -112,17 +112,17 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
     if armed is None:
         return facts
     left_s = max(math.ceil(armed.until_s - now_s), 0)
-    return [*wrapped(text("run_page.armed", left=left_s), width, Token.ACTION), *facts]
+    return [*wrap_line(text("run_page.armed", left=left_s), width, Token.ACTION), *facts]
 
 
 def window_words(job: Job, machine: MachineProfile, text: Catalogue) -> str:
     """Return the allowed forces of a job, and whether its own is one of them; or that there is none."""
     span = force_span(job, machine)
-    mark = "✓" if span.stands(job.chucking_force_n) is Stands.INSIDE else "✗"
+    mark = "✓" if span.stands(job.chucking_force_n) is ForcePosition.INSIDE else "✗"
     return f"{mark} {short_span_words(span, text)}"
 
 
-def _revision(text: Catalogue, work: Work, armed: Armed | None) -> str:
+def _revision(text: Catalogue, work: Work, armed: ArmedCut | None) -> str:
     """Return which file is meant. The armed job need not be the open one, whose file alone is known."""
     if armed is not None and armed.job != aligned_job(work.job, armed.alignment):
         return NOTHING
@@ -136,7 +136,7 @@ def _stamp(text: Catalogue, stamps: Alignment, step: AlignStep, job: Job, value:
     return text("run_page.not_of_job") if stamp_problems(stamps, step, job) else value
 
 
-def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: int) -> list[Line]:
+def moves_lines(text: Catalogue, armed: ArmedCut, machine: MachineProfile, width: int) -> list[Line]:
     """Return what moves when the armed cut is started, in order. `machine` is the nominal profile."""
     plan = armed.plan
     words = text(
@@ -146,7 +146,7 @@ def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: i
         speed=f"{plan.spindle_speed_rpm:.0f}",
         duration=f"{plan.duration_s:.0f}",
     )
-    return wrapped(words, width, Token.STRONG)
+    return wrap_line(words, width, Token.STRONG)
 
 
 def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
@@ -172,12 +172,12 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
         notes = ["by_controller"] if cut.judged else ["not_judged", "by_controller"]
     label = LABEL_WIDTH + 6
     rows = [fact(text(f"run_page.figure.{key}"), value, width, label_width=label) for key, value in pairs]
-    words = [row for note in notes for row in wrapped(text(f"run_page.{note}"), width, Token.DIM)]
+    words = [row for note in notes for row in wrap_line(text(f"run_page.{note}"), width, Token.DIM)]
     changed = changed_lines(text, cut.changed, width)
     if cut.force is not None:
         token = Token.WARNING if cut.force.alarms else Token.TEXT
-        changed = [*wrapped(force_words(cut.force, text), width, token), BLANK, *changed]
-    head = [*wrapped(text(f"run_page.{word}"), width, Token.STRONG), BLANK, *rows, BLANK]
+        changed = [*wrap_line(force_words(cut.force, text), width, token), BLANK, *changed]
+    head = [*wrap_line(text(f"run_page.{word}"), width, Token.STRONG), BLANK, *rows, BLANK]
     return [*head, *changed, *words]
 
 
@@ -200,10 +200,10 @@ def after_lines(
     marks = mark_lines(text, state.marks_mm, width)
     if state.cut is not None and state.cut.holds_mm:
         places = ", ".join(text.units.figure(place_mm, "mm", 1) for place_mm in state.cut.holds_mm)
-        marks += wrapped(text("run_page.hold_mark", z=places), width, Token.WARNING)
+        marks += wrap_line(text("run_page.hold_mark", z=places), width, Token.WARNING)
     missing = [] if is_over(state) else [check for check in checks(state, work, machine) if check.problems]
     rows = check_lines(text, tuple(missing), width)
-    following = wrapped(text(f"run_page.{_after_word(state, work)}"), width)
+    following = wrap_line(text(f"run_page.{_after_word(state, work)}"), width)
     return [*following, *([BLANK, *marks] if marks else []), *([BLANK, *rows] if rows else [])]
 
 

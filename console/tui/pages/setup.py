@@ -9,11 +9,11 @@ from textual.containers import Vertical
 
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.kept_files import jobs_folder
-from console.session.work import Work, lobe_choices, saved, saved_as, undone, with_lobe_from
+from console.session.work import Work, lobe_choices, save_work, saved_as, undone, with_lobe_from
 from console.tui.entry import NUMBER_CAP_CHARACTERS, EntryLine
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import NOTHING, Line, Sheet, clipped, dim, hanging, line, name_in, wrapped
+from console.tui.lines import NOTHING, Line, Sheet, clip_lines, dim, hanging, line, name_in, wrap_line
 from console.tui.page import Page
 from console.tui.pages.fields import (
     FORM,
@@ -23,8 +23,8 @@ from console.tui.pages.fields import (
     entry_of,
     free_name,
     judge,
+    name_field,
     name_problem,
-    named,
     suggested_name,
     why_not_changed,
     with_unit,
@@ -39,7 +39,7 @@ from console.tui.pages.setup_lines import (
     speed_lines,
 )
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View, locked
+from console.tui.ui_context import UiContext, View, find_job_lock
 from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.files import printable
 from profiles.findings import Severity, refusals
@@ -50,7 +50,7 @@ from profiles.store import list_jobs
 _TIGHT_BELOW_ROWS = 16
 
 
-class Entering(Enum):
+class OpenEntry(Enum):
     """Kind of open entry."""
 
     NOTHING = auto()
@@ -89,7 +89,7 @@ class SetupPage(Page):
         self._findings = Sheet(ui.palette, classes="findings")
         self._entry = EntryLine(classes="entry")
         self.panels = (self._form, Vertical(self._speed, self._findings, classes="side"), self._entry)
-        self._entering = Entering.NOTHING
+        self._entering = OpenEntry.NOTHING
         self._selected = 0
         self._taken: frozenset[str] = frozenset()
         self._over: str | None = None
@@ -108,25 +108,25 @@ class SetupPage(Page):
     @property
     def field(self) -> FieldKind:
         """A number, or free text, while an entry is open."""
-        if self._entering is Entering.NOTHING:
+        if self._entering is OpenEntry.NOTHING:
             return FieldKind.NONE
-        return FieldKind.NUMBER if self._entering is Entering.VALUE and self._field.numeric else FieldKind.TEXT
+        return FieldKind.NUMBER if self._entering is OpenEntry.VALUE and self._field.numeric else FieldKind.TEXT
 
     def show(self, view: View) -> None:
         """Show the job, with the open entry."""
-        self._locked = locked(view.state, *LOCKED)
+        self._locked = find_job_lock(view.state, *LOCKED)
         self._uncommissioned = view.state.uncommissioned
         if self.ui.copying and self.ui.work is not None:
             self.ui.copying = False
             self._ask_name(self.ui.work, copying=True)
-        if self._locked is not None and self._entering is not Entering.NOTHING:
+        if self._locked is not None and self._entering is not OpenEntry.NOTHING:
             self._drop()
         self._entry.keep_focus()
         self._paint()
 
     def act(self, action: str) -> None:
         """Select, change, undo or save; an open entry first gets the characters that came before."""
-        if self._entering is Entering.NOTHING:
+        if self._entering is OpenEntry.NOTHING:
             self._do(action)
         else:
             self._entry.call_later(self._do, action)
@@ -150,13 +150,13 @@ class SetupPage(Page):
         if work.missing:
             return missing_lines(state, text, width)
         for problem in filter(None, (*refused, self._locked)):
-            rows += hanging(("! ", Token.WARNING), text.problem(named(problem, text)), width)
+            rows += hanging(("! ", Token.WARNING), text.problem(name_field(problem, text)), width)
         found = check(draft(state), self._machine)
         return [*rows, *finding_lines(found, text, width, told=self._warnings, stops=self._uncommissioned)]
 
     def leave(self) -> None:
         """End an open entry: accept a good value, drop another one and report it."""
-        if self._entering is Entering.NAME or not self._take():
+        if self._entering is OpenEntry.NAME or not self._take():
             self._drop()
         self._paint()
 
@@ -167,18 +167,18 @@ class SetupPage(Page):
     # What the keys do ------------------------------------------------------------------------------------------
 
     def _do(self, action: str) -> None:
-        work, idle = self._work, self._entering is Entering.NOTHING
+        work, idle = self._work, self._entering is OpenEntry.NOTHING
         if work is None or (idle and self.why_not(action, self.ui.view)):
             self.ui.answers(self.why_not(action, self.ui.view))
         elif action in STEPS:
             self._step(STEPS[action])
         elif action == "setup.edit":
             match self._entering:
-                case Entering.NOTHING:
+                case OpenEntry.NOTHING:
                     self._begin()
-                case Entering.VALUE:
+                case OpenEntry.VALUE:
                     self._take()
-                case Entering.NAME:
+                case OpenEntry.NAME:
                     self._save()
         elif action == "setup.undo" and not idle:
             self._close()
@@ -202,11 +202,11 @@ class SetupPage(Page):
 
     def _step(self, by: int) -> None:
         """Select the next or previous field; an open entry moves along, and ends after the last entry."""
-        typing = self._entering is Entering.VALUE
-        if self._entering is Entering.NAME or not self._take():
+        typing = self._entering is OpenEntry.VALUE
+        if self._entering is OpenEntry.NAME or not self._take():
             return
         before, self._selected = self._selected, min(max(self._selected + by, 0), len(FORM) - 1)
-        if typing and self._selected != before and not self._field.chosen:
+        if typing and self._selected != before and not self._field.has_choices:
             self._begin()
 
     def _begin(self) -> None:
@@ -214,11 +214,11 @@ class SetupPage(Page):
         work, field = self._work, self._field
         if work is None or self._refused_by_lock():
             return
-        if field.chosen:
+        if field.has_choices:
             self._choose_lobe(work)
             return
         self._entry.max_length = NUMBER_CAP_CHARACTERS if field.numeric else TEXT_CAP_CHARACTERS
-        self._open(Entering.VALUE, entry_of(field, work, self.ui.text.units))
+        self._open(OpenEntry.VALUE, entry_of(field, work, self.ui.text.units))
 
     def _choose_lobe(self, work: Work) -> None:
         """Take the lobe from its next source; one that cannot be is reported, and passed over."""
@@ -232,13 +232,13 @@ class SetupPage(Page):
     def _take(self) -> bool:
         """End an open entry with its value; False, with the reason shown, if it does not parse."""
         work = self._work
-        if self._entering is not Entering.VALUE or work is None:
+        if self._entering is not OpenEntry.VALUE or work is None:
             return True
         if self._refused_by_lock():
             return False
         judged = judge(work, self._field, self._entry.value, self.ui.text.units)
         if judged.problems:
-            self.ui.said = tuple(named(problem, self.ui.text) for problem in judged.problems)
+            self.ui.key_answer = tuple(name_field(problem, self.ui.text) for problem in judged.problems)
             return False
         self._keep(judged.work)
         self._close()
@@ -246,7 +246,7 @@ class SetupPage(Page):
 
     def _ask_name(self, work: Work, *, copying: bool = False) -> None:
         """Ask for a name: that of its own file for changes to it, else a free one; none for an unfinished job."""
-        if self._entering is Entering.NAME or self._refused_by_lock():
+        if self._entering is OpenEntry.NAME or self._refused_by_lock():
             return
         if work.missing:
             self.ui.say("screen.values_missing", value=str(len(work.missing)))
@@ -262,44 +262,44 @@ class SetupPage(Page):
             self._taken -= {own}
         else:
             own = free_name(own, self._taken)
-        self._open(Entering.NAME, own)
+        self._open(OpenEntry.NAME, own)
 
     def _save(self) -> None:
         name = self._entry.value.strip()
         problem = name_problem(name, self._taken) if name else None
         if problem is not None:
-            self.ui.said = (problem,)
+            self.ui.key_answer = (problem,)
         elif not name or (work := self._work) is None:
             self._close()
         else:
             with self.ui.answering():
                 over = name == self._over
-                self.ui.work = saved(work) if over else saved_as(work, name, jobs_folder(self.ui.data))
+                self.ui.work = save_work(work) if over else saved_as(work, name, jobs_folder(self.ui.data))
                 self.ui.draft = None
                 self._close()
 
     def _drop(self) -> None:
-        if self._entering is Entering.NAME:
+        if self._entering is OpenEntry.NAME:
             self.ui.say("screen.not_saved")
         elif (work := self._work) is not None:
             field = self._field
             kept = NOTHING if field.key in work.missing else with_unit(field, work.job, self.ui.text.units)
             value = printable(self._entry.value)
             dropped = Problem(code="screen.entry_dropped", key=field.key, value=value, limit=kept)
-            self.ui.said = (named(dropped, self.ui.text),)
+            self.ui.key_answer = (name_field(dropped, self.ui.text),)
         self._close()
 
     def _refused_by_lock(self) -> bool:
-        if lock := locked(self.ui.control.state, *LOCKED):
-            self.ui.said = (lock,)
+        if lock := find_job_lock(self.ui.control.state, *LOCKED):
+            self.ui.key_answer = (lock,)
         return lock is not None
 
-    def _open(self, entering: Entering, value: str) -> None:
+    def _open(self, entering: OpenEntry, value: str) -> None:
         self._entering = entering
         self._entry.begin(value, marked=True)
 
     def _close(self) -> None:
-        self._entering = Entering.NOTHING
+        self._entering = OpenEntry.NOTHING
         self._entry.close()
 
     # What is shown ---------------------------------------------------------------------------------------------
@@ -311,9 +311,9 @@ class SetupPage(Page):
     def _state(self, work: Work) -> FormState:
         state = FormState(work=work, selected=self._selected, locked=self._locked)
         value = self._entry.value
-        if self._entering is Entering.VALUE:
+        if self._entering is OpenEntry.VALUE:
             return replace(state, typed=value, judged=judge(work, self._field, value, self.ui.text.units))
-        if self._entering is Entering.NAME:
+        if self._entering is OpenEntry.NAME:
             problem = name_problem(value.strip(), self._taken) if value.strip() else None
             return replace(state, naming=value, naming_problem=problem, over=self._over)
         return state
@@ -340,10 +340,10 @@ class SetupPage(Page):
         self._place(layout.entry)
         job = draft(state)
         if (state.judged.work if state.judged else work).missing:
-            self._speed.show(wrapped(text("setup.no_figures"), max(self._speed.size.width, 1), Token.DIM), "")
+            self._speed.show(wrap_line(text("setup.no_figures"), max(self._speed.size.width, 1), Token.DIM), "")
             rows = missing_lines(state, text, max(self._findings.size.width, 1))
             self._findings.show(
-                clipped(rows, self._findings.size.height, text("panel.more")), text("setup.missing")
+                clip_lines(rows, self._findings.size.height, text("panel.more")), text("setup.missing")
             )
             return
         speed = speed_lines(job, self._machine, text, *self._speed.size)
@@ -363,10 +363,10 @@ class SetupPage(Page):
         text, work = self.ui.text, self._work
         if work is None:
             return text("setup.next.no_job")
-        if self._entering is Entering.NAME:
+        if self._entering is OpenEntry.NAME:
             over = self._over is not None and self._entry.value.strip() == self._over
             return text("setup.next.naming_over" if over else "setup.next.naming")
-        if self._entering is Entering.VALUE:
+        if self._entering is OpenEntry.VALUE:
             refused = judge(work, self._field, self._entry.value, self.ui.text.units).problems
             return text("setup.next.refused_entry") if refused else text("setup.next.entry")
         if self._locked is not None:

@@ -12,21 +12,33 @@ from console.session.work import Work, lobe_choices
 from console.text.catalogue import Catalogue
 from console.text.forces import span_ends
 from console.text.lobe import lobe_number
-from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, fitted, hanging, line, width_of, wrapped
+from console.tui.lines import (
+    BLANK,
+    NOTHING,
+    Line,
+    clip_lines,
+    dim,
+    fact,
+    fit_text,
+    hanging,
+    line,
+    width_of,
+    wrap_line,
+)
 from console.tui.pages.fields import (
     FORM,
+    EntryResult,
     FormField,
-    Judged,
     bounds,
+    format_field,
     limit_of,
-    named,
+    name_field,
     provenance,
     with_unit,
-    written,
 )
 from console.tui.theme import Token
 from drivers.cutting.strategy import Strategy
-from profiles.chucking.advice import ForceSpan, Stands, force_span
+from profiles.chucking.advice import ForcePosition, ForceSpan, force_span
 from profiles.chucking.grip import centrifugal_loss_n, grip_margin_n, wrench_force_sd_n
 from profiles.chucking.holding import holding_of, torque_or_none_n_m
 from profiles.findings import Finding, Severity
@@ -50,7 +62,7 @@ class FormState:
     work: Work
     selected: int = 0
     typed: str | None = None
-    judged: Judged | None = None
+    judged: EntryResult | None = None
     locked: Problem | None = None
     naming: str | None = None
     naming_problem: Problem | None = None
@@ -63,19 +75,19 @@ class FormState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Form:
+class SetupForm:
     """Lines of the form, and the position (column, row, cells) of the open entry."""
 
     lines: tuple[Line, ...]
     entry: tuple[int, int, int] | None
 
 
-def form(state: FormState, text: Catalogue, width: int, height: int) -> Form:
+def form(state: FormState, text: Catalogue, width: int, height: int) -> SetupForm:
     """Return the form in a size in cells; the selected field is always visible."""
     foot = _foot(state, text, width)
     foot += [BLANK] * (FOOT_ROWS - len(foot))
     # A longer refusal takes rows of the headings, then of the values that are not being changed.
-    foot = clipped(foot, max(height - LEAST_VALUES, FOOT_ROWS), text("panel.more"))
+    foot = clip_lines(foot, max(height - LEAST_VALUES, FOOT_ROWS), text("panel.more"))
     room = max(height - len(foot), 1)
     rows = _rows(room, state.selected)
     lines = [_row(row, state, text, width) for row in rows]
@@ -90,14 +102,14 @@ def form(state: FormState, text: Catalogue, width: int, height: int) -> Form:
     elif state.typed is not None:
         left = _MARK + _label_width(width) + 1
         entry = left, rows.index(state.field), ENTRY_WIDTH if state.field.numeric else max(width - left - 1, 1)
-    return Form(lines=tuple(lines[: max(height, 0)]), entry=entry)
+    return SetupForm(lines=tuple(lines[: max(height, 0)]), entry=entry)
 
 
 def speed_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the effect of the job's force and speed on grip and lobe; the most important rows first."""
     margin_n, span = grip_margin_n(job, machine), force_span(job, machine)
     stands = span.stands(job.chucking_force_n)
-    inside = Token.OK if stands is Stands.INSIDE else Token.WARNING
+    inside = Token.OK if stands is ForcePosition.INSIDE else Token.WARNING
     width = min(width, _SPEED_WIDTH)
     source = text(f"source.{lobe_source(job, chuck=machine.chuck.name, tool=machine.tool.name)}")
     return [
@@ -174,22 +186,22 @@ def finding_lines(
     marked += [(problem, ("! ", Token.WARNING)) for problem in (*warned, *told)]
     lines: list[Line] = []
     for problem, mark in marked:
-        lines += hanging(mark, text.problem(named(problem, text)), width)
+        lines += hanging(mark, text.problem(name_field(problem, text)), width)
     if height is not None and len(lines) >= height:
-        return clipped(lines, height, text("panel.more"))
+        return clip_lines(lines, height, text("panel.more"))
     lines.append(line(("✓ ", Token.OK), text("setup.hold", count=len(held), total=len(findings))))
     names = [text(f"name.{problem.code}") for problem in held]
     if height is not None and len(names) > (room := height - len(lines)):
         # The last row gives the number left out.
         names = [*names[: room - 1], text("setup.more_hold", count=len(names) - room + 1)] if room > 1 else []
-    return [*lines, *((dim(fitted("  " + name, width)),) for name in names)]
+    return [*lines, *((dim(fit_text("  " + name, width)),) for name in names)]
 
 
 def missing_lines(state: FormState, text: Catalogue, width: int) -> list[Line]:
     """Return the values that a new job still needs, one a row."""
     work = state.judged.work if state.judged else state.work
     names = (text(f"setup.{field.key}") for field in FORM if field.key in work.missing)
-    return [line(("· ", Token.WARNING), fitted(name, max(width - 2, 1))) for name in names]
+    return [line(("· ", Token.WARNING), fit_text(name, max(width - 2, 1))) for name in names]
 
 
 def lobe_word(work: Work, machine: MachineProfile, *, simulated: bool) -> str:
@@ -223,23 +235,23 @@ def _row(row: FormField | str, state: FormState, text: Catalogue, width: int) ->
     if not isinstance(row, FormField):
         return (dim(text(f"setup.{row}")),) if row else BLANK
     chosen = row is state.field and state.naming is None
-    label = fitted(text(f"setup.{row.key}"), _label_width(width))
+    label = fit_text(text(f"setup.{row.key}"), _label_width(width))
     head = line(("▸ " if chosen else "  ", Token.ACTION), (label, Token.STRONG if chosen else Token.DIM))
     if chosen and state.typed is not None:
         return (*head, *_open_row(row, state, text, width))
-    if row.chosen:
+    if row.has_choices:
         return (*head, *_lobe(state.work.job, text, width - _MARK - cell_len(label) - 1, chosen=chosen))
     if row.key in state.work.missing:
-        return (*head, (fitted(" " * ENTRY_WIDTH + NOTHING, ENTRY_WIDTH + 1), Token.WARNING))
-    value, token = row.mark + written(row, state.work.job, text.units), Token.STRONG if chosen else Token.TEXT
+        return (*head, (fit_text(" " * ENTRY_WIDTH + NOTHING, ENTRY_WIDTH + 1), Token.WARNING))
+    value, token = row.mark + format_field(row, state.work.job, text.units), Token.STRONG if chosen else Token.TEXT
     if not row.numeric and len(value) > ENTRY_WIDTH:
-        return (*head, (" " + fitted(value, width - _MARK - len(label) - 2), token))
-    shown = fitted(" " * (ENTRY_WIDTH + 1 - len(value)) + value, ENTRY_WIDTH + 1)
+        return (*head, (" " + fit_text(value, width - _MARK - len(label) - 2), token))
+    shown = fit_text(" " * (ENTRY_WIDTH + 1 - len(value)) + value, ENTRY_WIDTH + 1)
     return (
         *head,
         (shown, token),
-        dim("  " + fitted(text.units.unit(row.rule.unit), _UNIT - 1)),
-        *_beside(row, state, text, width),
+        dim("  " + fit_text(text.units.unit(row.rule.unit), _UNIT - 1)),
+        *_row_note(row, state, text, width),
     )
 
 
@@ -248,7 +260,7 @@ def _lobe(job: Job, text: Catalogue, width: int, *, chosen: bool) -> Line:
     source = lobe_source(job)
     words = text(f"setup.lobe_from.{source}", error=lobe_number(job, text.units))
     token = Token.WARNING if source in (NO_LOBE, OTHER_CUT) else Token.STRONG if chosen else Token.TEXT
-    return line(" ", (fitted(words, max(width - 1, 1)), token))
+    return line(" ", (fit_text(words, max(width - 1, 1)), token))
 
 
 def _open_row(row: FormField, state: FormState, text: Catalogue, width: int) -> Line:
@@ -256,15 +268,20 @@ def _open_row(row: FormField, state: FormState, text: Catalogue, width: int) -> 
     if not row.numeric:
         cells = max(width - _MARK - _label_width(width) - 2, 0)
         return line("[" + " " * cells + "]")
-    field: Line = line("[" + " " * ENTRY_WIDTH + "]", dim(" " + fitted(text.units.unit(row.rule.unit), _UNIT - 1)))
+    field: Line = line(
+        "[" + " " * ENTRY_WIDTH + "]", dim(" " + fit_text(text.units.unit(row.rule.unit), _UNIT - 1))
+    )
     if state.judged is None or not (state.typed or "").strip():
         return field
     if state.judged.problems:
         return (*field, ("✗ " + text("setup.refused"), Token.WARNING))
-    return (*field, (text("setup.understood", value=written(row, state.judged.work.job, text.units)), Token.OK))
+    return (
+        *field,
+        (text("setup.understood", value=format_field(row, state.judged.work.job, text.units)), Token.OK),
+    )
 
 
-def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Line:
+def _row_note(row: FormField, state: FormState, text: Catalogue, width: int) -> Line:
     """Return the text after a value: its limits while it is selected, else a note on it."""
     room = width - _MARK - _label_width(width) - ENTRY_WIDTH - 2 - _UNIT
     job, filed, words, token = state.work.job, state.work.loaded.job, "", Token.WARNING
@@ -275,10 +292,10 @@ def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Li
         if cell_len(words) > room:  # a truncated number would be read as another one
             words = text("setup.not_lobes")
     elif not state.work.is_new and getattr(job, row.key) != getattr(filed, row.key):
-        words = text("setup.was", value=written(row, filed, text.units))
+        words = text("setup.was", value=format_field(row, filed, text.units))
     elif row.key in job.assumed:
         words, token = text("setup.assumed"), Token.DIM
-    return line((fitted(words, room), token)) if words and room >= ENTRY_WIDTH else BLANK
+    return line((fit_text(words, room), token)) if words and room >= ENTRY_WIDTH else BLANK
 
 
 def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
@@ -287,15 +304,15 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
         brackets = "[" + " " * max(width - width_of(_name_label(text)) - 2, 0) + "]"
         return [(*_name_label(text), (brackets, Token.TEXT)), *_naming_words(state, text, width)]
     if state.typed is not None and state.judged and state.judged.problems:
-        return wrapped(text.problem(named(state.judged.problems[0], text)), width, Token.WARNING)
+        return wrap_line(text.problem(name_field(state.judged.problems[0], text)), width, Token.WARNING)
     if state.locked is not None:
-        return wrapped("! " + text.problem(state.locked), width, Token.WARNING)
+        return wrap_line("! " + text.problem(state.locked), width, Token.WARNING)
     field, job, filed, note = state.field, state.work.job, state.work.loaded.job, ""
-    if field.chosen:
+    if field.has_choices:
         return _lobe_foot(state.work, text, width)
     if field.key in state.work.missing:
-        return [(dim(fitted(_allowed(field, text), width)),)]
-    allowed = _allowed(field, text)
+        return [(dim(fit_text(_describe_limits(field, text), width)),)]
+    allowed = _describe_limits(field, text)
     if field.key in changed_conditions(draft(state)):
         note = text("setup.lobe_was_long", value=_of_lobe(field, draft(state), text))
     elif state.typed is not None:
@@ -304,10 +321,10 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
         note = text("setup.was_long", value=with_unit(field, filed, text.units))
     elif field.key in job.assumed:
         note = text("setup.assumed_long")
-    return [(dim(fitted(words, width)),) for words in (allowed, note) if words]
+    return [(dim(fit_text(words, width)),) for words in (allowed, note) if words]
 
 
-def _allowed(field: FormField, text: Catalogue) -> str:
+def _describe_limits(field: FormField, text: Catalogue) -> str:
     if not field.numeric:
         return text("setup.allowed_text")
     return text(
@@ -318,13 +335,13 @@ def _allowed(field: FormField, text: Catalogue) -> str:
 def _lobe_foot(work: Work, text: Catalogue, width: int) -> list[Line]:
     """Return what Enter does to the lobe, and under which conditions it was measured where those differ."""
     choices = " → ".join(text(f"setup.lobe_choice.{choice}") for choice in lobe_choices(work))
-    lines: list[Line] = [(dim(fitted(text("setup.lobe_choices", choices=choices), width)),)]
+    lines: list[Line] = [(dim(fit_text(text("setup.lobe_choices", choices=choices), width)),)]
     differing = [field for field in FORM if field.key in changed_conditions(work.job)]
     if differing:
         where = ", ".join(f"{text(f'setup.{field.key}')} {_of_lobe(field, work.job, text)}" for field in differing)
-        lines.append((dim(fitted(text("setup.lobe_of", conditions=where), width)),))
+        lines.append((dim(fit_text(text("setup.lobe_of", conditions=where), width)),))
     elif work.job.lobe_error_source == NO_LOBE:
-        lines.append((dim(fitted(text("setup.lobe_first"), width)),))
+        lines.append((dim(fit_text(text("setup.lobe_first"), width)),))
     return lines
 
 
@@ -338,8 +355,8 @@ def _file_lines(work: Work, text: Catalogue, width: int, room: int) -> list[Line
     lines = [
         BLANK,
         (dim(text("setup.file")),),
-        line(dim("  " + fitted(text("setup.revision"), _LABEL)), f" {work.loaded.sha256[:6]}"),
-        *(line("  ", *pieces) for pieces in wrapped(provenance(job, text), width - 2, Token.DIM)),
+        line(dim("  " + fit_text(text("setup.revision"), _LABEL)), f" {work.loaded.sha256[:6]}"),
+        *(line("  ", *pieces) for pieces in wrap_line(provenance(job, text), width - 2, Token.DIM)),
     ]
     return lines if len(lines) <= room else []
 
@@ -349,9 +366,9 @@ def _naming_words(state: FormState, text: Catalogue, width: int) -> list[Line]:
         return hanging(("✗ ", Token.WARNING), text.problem(state.naming_problem), width, Token.WARNING)
     name = (state.naming or "").strip()
     if name and name == state.over:
-        return wrapped(text("setup.name_over", name=name), width, Token.DIM)
+        return wrap_line(text("setup.name_over", name=name), width, Token.DIM)
     if name:
-        return wrapped(text("setup.name_file", name=name), width, Token.DIM)
+        return wrap_line(text("setup.name_file", name=name), width, Token.DIM)
     return [(dim(text("setup.name_empty")),)]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from console.session.station.progress import CutProgress
 from console.session.station.state import StationState, StopState, TouchedBlank
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, fact, first_fitting, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, fact, first_fitting, wrap_line
 from console.tui.theme import Token
 
 LABEL_WIDTH = 13
@@ -40,7 +40,7 @@ def stop_lines(text: Catalogue, state: StationState, width: int, height: int | N
         if state.cut_to is not None:
             rows.append(row("part", cut_words(text, state.cut_to), Token.TEXT))
     mark = [] if stop.rest_s is None else mark_lines(text, state.marks_mm, width)
-    remedy = wrapped(_remedy(text, stop), width, Token.STRONG)
+    remedy = wrap_line(_remedy(text, stop), width, Token.STRONG)
     whole, remedy_first = [*head, *rows, *mark, BLANK, *remedy], [*head, *remedy, BLANK, *mark, *rows]
     return first_fitting(height, text("panel.more"), whole, remedy_first)
 
@@ -66,7 +66,7 @@ def mark_lines(text: Catalogue, marks_mm: Sequence[float], width: int, page: str
     if not marks_mm:
         return []
     places = ", ".join(text.units.figure(mark_mm, "mm", 1) for mark_mm in marks_mm)
-    return wrapped("! " + text(f"{page}.marked", z=places), width, Token.WARNING)
+    return wrap_line("! " + text(f"{page}.marked", z=places), width, Token.WARNING)
 
 
 def cut_of_stop(state: StationState) -> CutProgress | None:
@@ -91,9 +91,9 @@ def lost_lines(
     rows = [] if state.stop is None else _not_delivered(text, state.stop, width)
     age_s = state.age_s(now_s)
     if age_s is None:
-        return [*rows, *wrapped(text("run_page.lost.never"), width, Token.WARNING)]
-    since = wrapped(text("run_page.lost.age", age=f"{age_s:.0f}"), width, Token.WARNING)
-    advice = wrapped(text("run_page.lost.remedy"), width, Token.STRONG)
+        return [*rows, *wrap_line(text("run_page.lost.never"), width, Token.WARNING)]
+    since = wrap_line(text("run_page.lost.age", age=f"{age_s:.0f}"), width, Token.WARNING)
+    advice = wrap_line(text("run_page.lost.remedy"), width, Token.STRONG)
     whole, advice_first = [*rows, *since, BLANK, *advice], [*rows, *advice, *since]
     return first_fitting(height, text("panel.more"), whole, advice_first)
 
@@ -106,7 +106,7 @@ def stale(lines: Sequence[Line]) -> list[Line]:
 def _not_delivered(text: Catalogue, stop: StopState, width: int) -> list[Line]:
     if stop.delivered:
         return []
-    return [*wrapped(f"!!! {text('run_page.not_delivered')}", width, Token.ALARM), BLANK]
+    return [*wrap_line(f"!!! {text('run_page.not_delivered')}", width, Token.ALARM), BLANK]
 
 
 def _tool(text: Catalogue, stop: StopState) -> tuple[str, Token]:

@@ -13,14 +13,14 @@ from textual.widgets import Input
 
 from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import CutPart, newest_part
-from console.session.data.trace_folder import FOLDER, offered, trace_folder
+from console.session.data.trace_folder import FOLDER, list_trace_files, trace_folder
 from console.session.errors import fault_problem
 from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart, read_gauge_file
 from console.session.learning.provenance import of_this_part
 from console.session.station.commands import TakeTrace
 from console.session.station.state import StationState
 from console.tui.keymap import RowKey
-from console.tui.lines import Line, Sheet, clipped, line, name_in
+from console.tui.lines import Line, Sheet, clip_lines, line, name_in
 from console.tui.pages.trace_lines import KEYS, Choice, fact_lines, file_lines, next_words
 from console.tui.records.background_reader import BackgroundReader, Problems
 from console.tui.theme import Token
@@ -56,7 +56,7 @@ GONE: Changed = (0, 0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class TraceFolder:
     """What was found: the files, those of typed paths first, the others newest first, and when they were changed.
 
     `file` is the one that was asked for. `problems`: why the folder can no longer be read. `part` is the newest
@@ -79,10 +79,10 @@ class TraceListing:
 
     def __init__(self, data: Path) -> None:
         self._data = data
-        self._looks: BackgroundReader[Look] = BackgroundReader()
+        self._looks: BackgroundReader[TraceFolder] = BackgroundReader()
         self._checks: BackgroundReader[bool] = BackgroundReader()
         self._turn = self._check = 0
-        self._last: Look | Problems | None = None
+        self._last: TraceFolder | Problems | None = None
 
     def begin(self) -> None:
         """Forget what was seen: the list is opened."""
@@ -90,11 +90,11 @@ class TraceListing:
 
     def look(
         self, file: Path | None, typed: tuple[Path, ...], part: Callable[[], CutPart | None]
-    ) -> Look | Problems | None:
+    ) -> TraceFolder | Problems | None:
         """Return the newest poll; problems where nothing can be read at all, None before the first one."""
-        before = self._last if isinstance(self._last, Look) else None
+        before = self._last if isinstance(self._last, TraceFolder) else None
         question = (self._turn, file, typed)
-        found = self._looks.answer(question, lambda: _looked(self._data, before, file, typed, part))
+        found = self._looks.answer(question, lambda: _poll_folder(self._data, before, file, typed, part))
         if found is not None:
             self._turn, self._last = self._turn + 1, found
         return self._last
@@ -109,32 +109,36 @@ class TraceListing:
         return found if found is None else found is True
 
 
-def _looked(
-    data: Path, before: Look | None, file: Path | None, typed: tuple[Path, ...], part: Callable[[], CutPart | None]
-) -> Look:
+def _poll_folder(
+    data: Path,
+    before: TraceFolder | None,
+    file: Path | None,
+    typed: tuple[Path, ...],
+    part: Callable[[], CutPart | None],
+) -> TraceFolder:
     """Poll once; the folder is listed again only where something in it has come or gone."""
-    at = GONE if file is None else changed(file)
+    at = GONE if file is None else read_change_date(file)
     if before is None:
         folder = trace_folder(data)
-        listed = changed(folder)
-        first = Look(folder=folder, part=part(), listed=listed, file=file, changed=at)
-        return _with_files(first, typed, offered(folder))
-    listed = changed(before.folder)
+        listed = read_change_date(folder)
+        first = TraceFolder(folder=folder, part=part(), listed=listed, file=file, changed=at)
+        return _with_files(first, typed, list_trace_files(folder))
+    listed = read_change_date(before.folder)
     if listed == before.listed and typed == before.typed:
         return replace(before, file=file, changed=at)
     now = replace(before, listed=listed, file=file, changed=at, problems=())
     try:
-        return _with_files(now, typed, offered(before.folder))
+        return _with_files(now, typed, list_trace_files(before.folder))
     except ProfileError as error:
         return _with_files(replace(now, problems=tuple(error.problems)), typed, ())
 
 
-def _with_files(look: Look, typed: tuple[Path, ...], found: tuple[Path, ...]) -> Look:
+def _with_files(look: TraceFolder, typed: tuple[Path, ...], found: tuple[Path, ...]) -> TraceFolder:
     files = (*typed, *(each for each in found if each not in typed))
-    return replace(look, typed=typed, files=files, dates_ns={each: changed(each)[0] for each in files})
+    return replace(look, typed=typed, files=files, dates_ns={each: read_change_date(each)[0] for each in files})
 
 
-def changed(path: Path) -> Changed:
+def read_change_date(path: Path) -> Changed:
     """Return when a file or a folder was changed, and its size."""
     try:
         status = os.stat(path)
@@ -156,7 +160,7 @@ class _Question:
     run_id: str | None
 
 
-class _Reader:
+class _TraceReader:
     """Read trace files beside the screen, one at a time; a large one takes seconds."""
 
     def __init__(self, data: Path) -> None:
@@ -213,12 +217,12 @@ class TraceChooser(Horizontal):
         self._entry = Input(id="trace-path", compact=True, select_on_focus=False)
         self._entry.cursor_blink = False
         self._entry.max_length = TEXT_CAP_CHARACTERS
-        self._reader = _Reader(ui.data)
+        self._reader = _TraceReader(ui.data)
         self._listing = TraceListing(ui.data)
         self._typed: tuple[Path, ...] = ()
         self._checked: Path | None = None
         self._choice: Choice | None = None
-        self._look: Look | None = None
+        self._look: TraceFolder | None = None
         self._shown: object = None
         self.display = False
 
@@ -351,12 +355,12 @@ class TraceChooser(Horizontal):
         look = self._listing.look(choice.file, self._typed, self._part)
         if look is None or look is self._look:
             return choice
-        if not isinstance(look, Look):
-            self._ui.said = look
+        if not isinstance(look, TraceFolder):
+            self._ui.key_answer = look
             self.close()
             return None
         if look.problems and (self._look is None or look.problems != self._look.problems):
-            self._ui.said = look.problems
+            self._ui.key_answer = look.problems
         self._look = look
         choice = replace(choice, listed=True, folder=look.folder, part=look.part, dates_ns=look.dates_ns)
         if look.files == choice.files:
@@ -429,4 +433,4 @@ class TraceChooser(Horizontal):
         self._files.show(rows[: max(files.height, 1)], text("trace_import.title", count=len(choice.files)))
         name = "" if choice.file is None else name_in(printable(choice.file.name), max(facts.width - 4, 1))
         rows = fact_lines(choice, text, max(facts.width, 1))
-        self._facts.show(clipped(rows, facts.height, text("panel.more")), name)
+        self._facts.show(clip_lines(rows, facts.height, text("panel.more")), name)

@@ -11,7 +11,7 @@ from console.session.cut.run import FILTER_UPR
 from console.session.data.measured_part import CutPart
 from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, dim, fitted, hanging, line, name_in, ranged, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, dim, fit_text, hanging, justify_line, line, name_in, wrap_line
 from console.tui.pages.learn_lines import part_words
 from console.tui.theme import Token
 from profiles.files import printable
@@ -57,11 +57,11 @@ class Choice:
 
 def file_lines(choice: Choice, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the list of files, newest first, around the selected one; or where to put them."""
-    where = wrapped(text("trace_import.folder", folder=printable(str(choice.folder))), width, Token.DIM)
+    where = wrap_line(text("trace_import.folder", folder=printable(str(choice.folder))), width, Token.DIM)
     if not choice.listed:
         return [line(dim(text("trace_import.listing"))), BLANK, *where]
     if not choice.files:
-        return [*wrapped(text("trace_import.none"), width), BLANK, *where]
+        return [*wrap_line(text("trace_import.none"), width), BLANK, *where]
     room = max(height - len(where) - 1, 1)
     first = min(max(choice.selected - room // 2, 0), max(len(choice.files) - room, 0))
     rows = [
@@ -114,11 +114,11 @@ def next_words(choice: Choice, text: Catalogue) -> str:
 
 def _part_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     if choice.in_chuck:
-        return wrapped(text("trace_import.part.in_chuck"), width)
+        return wrap_line(text("trace_import.part.in_chuck"), width)
     if choice.part is None:
-        return wrapped(text("trace_import.part.none"), width, Token.WARNING)
+        return wrap_line(text("trace_import.part.none"), width, Token.WARNING)
     at, made = _local(choice.part.at_utc), choice.part.made
-    rows = wrapped(text("trace_import.part.recorded", at=at, made=part_words(text, made)), width)
+    rows = wrap_line(text("trace_import.part.recorded", at=at, made=part_words(text, made)), width)
     if choice.part.cut_since:
         rows += hanging(("! ", Token.WARNING), text("trace_import.part.cut_since"), width, Token.WARNING)
     return rows
@@ -127,7 +127,7 @@ def _part_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
 def _file_row(path: Path, changed_ns: int, selected: bool, width: int) -> Line:
     mark, token = ("▸ ", Token.STRONG) if selected else ("  ", Token.TEXT)
     name = name_in(printable(path.name), max(width - len(mark) - _DATE_CELLS - 1, 1))
-    return ranged(line((mark + name, token)), line(dim(f" {_date(changed_ns)}")), width)
+    return justify_line(line((mark + name, token)), line(dim(f" {_date(changed_ns)}")), width)
 
 
 def _date(changed_ns: int) -> str:
@@ -145,13 +145,15 @@ def _local(at_utc: str) -> str:
 
 
 def _row(label: str, value: str, width: int, token: Token = Token.TEXT) -> Line:
-    return line(dim(fitted(label, _LABEL_CELLS)), (fitted(value, max(width - _LABEL_CELLS, 0)).rstrip(), token))
+    return line(
+        dim(fit_text(label, _LABEL_CELLS)), (fit_text(value, max(width - _LABEL_CELLS, 0)).rstrip(), token)
+    )
 
 
 def _stated_row(found: EvaluatedPart, key: str, text: Catalogue, width: int) -> Line:
     """Return a header key with its value; an unstated one with the key that answers it."""
     label = text(f"trace_import.{key}")
-    value = _said(found, key, text)
+    value = _format_header_value(found, key, text)
     if key not in found.asked:
         return _row(label, value, width)
     if key in found.open:
@@ -159,7 +161,7 @@ def _stated_row(found: EvaluatedPart, key: str, text: Catalogue, width: int) -> 
     return _row(label, text("trace_import.answered", value=value, key=KEYS[key]), width, Token.ACTION)
 
 
-def _said(found: EvaluatedPart, key: str, text: Catalogue) -> str:
+def _format_header_value(found: EvaluatedPart, key: str, text: Catalogue) -> str:
     header = found.header
     if key == "start_mark" and header.jaw_1_deg:
         return text("inspect_page.jaw", angle=f"{header.jaw_1_deg:g}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from console.tui.lines import Line, Piece, dim, fitted, to_the_right
+from console.tui.lines import Line, Piece, dim, fit_text, to_the_right
 from console.tui.theme import Token
 
 ROWS = 5
@@ -35,7 +35,7 @@ def big_number(number: str, label: str, unit: str, width: int, token: Token = To
     Where it does not fit, or has a sign without a form, it is one row of plain text.
     """
     room = width - LABEL_WIDTH - UNIT_WIDTH
-    head, foot = dim(fitted(label, LABEL_WIDTH)), dim(" " + fitted(unit, UNIT_WIDTH - 1))
+    head, foot = dim(fit_text(label, LABEL_WIDTH)), dim(" " + fit_text(unit, UNIT_WIDTH - 1))
     if any(sign not in _FORMS for sign in number) or _cells(number) > room:
         return [(head, (to_the_right(number, max(room, 0)), token), foot)]
     rows: list[Line] = []

@@ -47,13 +47,13 @@ class BrailleCanvas:
 
     def points(self, x: ArrayLike, y: ArrayLike, layer: int) -> None:
         """Set the dot nearest to each point; points outside, and those that are not numbers, are left out."""
-        x_dots, y_dots = _tame(x), _tame(y)
+        x_dots, y_dots = _limit_values(x), _limit_values(y)
         known = ~(np.isnan(x_dots) | np.isnan(y_dots))
         self._set(_nearest(x_dots[known]), _nearest(y_dots[known]), layer)
 
     def polyline(self, x: ArrayLike, y: ArrayLike, layer: int, dash: Dash | None = None) -> None:
         """Join points by lines one dot wide, with both ends unless dashed; what is no number breaks the line."""
-        path = _Path.of(x, y)
+        path = _Path.from_points(x, y)
         tread = path.tread(self.width_dots, self.height_dots)
         if dash is not None:
             shown = np.arange(tread.x.size) % (dash.on + dash.off) < dash.on
@@ -112,8 +112,8 @@ class _Path:
     aside: Floats  # how far it goes along the other axis
 
     @classmethod
-    def of(cls, x: ArrayLike, y: ArrayLike) -> Self:
-        x_dots, y_dots = _tame(x), _tame(y)
+    def from_points(cls, x: ArrayLike, y: ArrayLike) -> Self:
+        x_dots, y_dots = _limit_values(x), _limit_values(y)
         new = np.ones(x_dots.size, dtype=np.bool_)
         new[1:] = (x_dots[1:] != x_dots[:-1]) | (y_dots[1:] != y_dots[:-1])
         x_dots, y_dots = x_dots[new], y_dots[new]
@@ -162,7 +162,7 @@ class _Path:
         return _nearest(self.x[chosen]), _nearest(self.y[chosen])
 
 
-def _tame(values: ArrayLike) -> Floats:
+def _limit_values(values: ArrayLike) -> Floats:
     array = np.asarray(values, dtype=np.float64)
     tame: Floats = np.clip(np.where(np.isinf(array), np.nan, array), -_FAR_DOTS, _FAR_DOTS)
     return tame

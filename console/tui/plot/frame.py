@@ -130,7 +130,7 @@ def _fraction(values: ArrayLike, limits: Limits) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Axis:
+class _FrameAxis:
     limits: Limits
     ticks: tuple[float, ...]
     labels: tuple[str, ...]
@@ -169,9 +169,9 @@ def plot_frame(
     With `decades` the x are logarithms to the base 10, and the ticks show the values themselves.
     """
     columns, rows = max(columns, 1), max(rows, 1)
-    y = _Axis.along_y(proper_limits(y_limits), rows, y_unit)
+    y = _FrameAxis.along_y(proper_limits(y_limits), rows, y_unit)
     left, data_rows = max(map(len, y.labels)) + 1, rows - 2
-    along = _Axis.along_decades if decades else _Axis.along_x
+    along = _FrameAxis.along_decades if decades else _FrameAxis.along_x
     x = along(proper_limits(x_limits), columns - left, x_unit)
     if columns - left < _LEAST_COLUMNS or data_rows < _LEAST_ROWS:
         text, left, data_rows = [" " * columns] * rows, 0, rows
@@ -199,7 +199,7 @@ class _Axes(Plot):
         self.plot_size(columns, rows)
 
 
-def _axes(columns: int, rows: int, x: _Axis, y: _Axis) -> list[str]:
+def _axes(columns: int, rows: int, x: _FrameAxis, y: _FrameAxis) -> list[str]:
     figure = _Axes(columns, rows)
     figure.theme("clear")
     figure.xlim(*x.limits)

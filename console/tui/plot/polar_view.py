@@ -47,7 +47,7 @@ class PolarTrace:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mark:
+class AngleMark:
     """A labelled angle on the part, such as jaw 1; the label is of characters one cell wide."""
 
     angle_deg: float
@@ -110,7 +110,7 @@ def shows_rings(rings_um: Rings, um_per_division: float, columns: int, rows: int
 
 def polar_cells(
     traces: Sequence[PolarTrace],
-    marks: Sequence[Mark],
+    marks: Sequence[AngleMark],
     um_per_division: float,
     columns: int,
     rows: int,
@@ -158,7 +158,7 @@ def _rings(columns: int, rows: int) -> BrailleCanvas:
     return canvas
 
 
-def _label(cells: Cells, place: Dial, mark: Mark) -> None:
+def _label(cells: Cells, place: Dial, mark: AngleMark) -> None:
     """Write a label outside the rim, or as far out as there is room."""
     x, y = (float(value) for value in place.spot(mark.angle_deg, place.rim + DOTS_DOWN / 2.0))
     length = len(mark.label)
@@ -174,7 +174,7 @@ class PolarView(CellView):
     """Roundness traces around one reference ring, on one scale, and round on the screen."""
 
     _traces: tuple[PolarTrace, ...] = ()
-    _marks: tuple[Mark, ...] = ()
+    _marks: tuple[AngleMark, ...] = ()
     _rings_um: Rings | None = None
     _unit_um = 1.0
     scale_um_per_division = 1.0
@@ -184,7 +184,7 @@ class PolarView(CellView):
         traces: Sequence[PolarTrace],
         *,
         um_per_division: float | None = None,
-        marks: Sequence[Mark] = (),
+        marks: Sequence[AngleMark] = (),
         rings_um: Rings | None = None,
         unit_um: float = 1.0,
     ) -> None:

@@ -31,7 +31,7 @@ class Series:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Mark:
+class PointMarks:
     """Single points that are drawn as one character each, over all traces."""
 
     x: ArrayLike
@@ -50,7 +50,7 @@ class TracePicture:
     y_unit: str = ""
     x_unit: str = ""
     decades: bool = False  # the x are logarithms to the base 10
-    marks: Sequence[Mark] = ()
+    marks: Sequence[PointMarks] = ()
 
 
 def trace_cells(picture: TracePicture, columns: int, rows: int) -> Cells:

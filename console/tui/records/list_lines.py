@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from console.session.data.run_rows import MODEL, How, RunRow
+from console.session.data.run_rows import MODEL, RunOutcome, RunRow
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
-from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, name_in, to_the_right, wrapped
-from console.tui.records.reading import Listing, ListQuery
+from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fit_text, line, name_in, to_the_right, wrap_line
+from console.tui.records.reading import ListQuery, RunListing
 from console.tui.theme import Token
 from console.units import Units
 from profiles.files import printable
@@ -25,7 +25,7 @@ _MORE = (("machine", 17), ("operator", 11), ("strategy", 10), ("version", 8), ("
 class RunList:
     """The runs, the place of the selected one, and the id of the run marked for comparison."""
 
-    listing: Listing
+    listing: RunListing
     selected: int
     marked: str | None = None
 
@@ -36,7 +36,7 @@ class RunList:
         return rows[self.selected] if 0 <= self.selected < len(rows) else None
 
 
-def judged(row: RunRow, units: Units) -> Piece:
+def format_verdict(row: RunRow, units: Units) -> Piece:
     """Return RONt of a run with the mark of its verdict."""
     if row.ront_um is None:
         return to_the_right(f"{NOTHING}  ", _RONT), Token.DIM
@@ -44,7 +44,7 @@ def judged(row: RunRow, units: Units) -> Piece:
     return to_the_right(f"{units.figure(row.ront_um, 'um', 2)} {mark}", _RONT), token
 
 
-def title_words(wanted: ListQuery, listing: Listing | None, text: Catalogue, *, everywhere: bool) -> str:
+def title_words(wanted: ListQuery, listing: RunListing | None, text: Catalogue, *, everywhere: bool) -> str:
     """Return how many runs are listed, and which."""
     count = NOTHING if listing is None else f"{len(listing.rows)}{'+' if listing.more else ''}"
     said = [text("records_page.title", count=count)]
@@ -65,12 +65,12 @@ def run_lines(runs: RunList, text: Catalogue, width: int, height: int, *, everyw
     """Return the heading and the rows around the selected run; cost by what is shown."""
     columns = _columns(width, everywhere=everywhere)
     name_width = max(width - 3 - _TIME - _RONT - _HOW - _SIM - sum(cells for _, cells in columns), 1)
-    head = [fitted(f"   {text('fact.time')}", 3 + _TIME), fitted(text("fact.job"), name_width)]
+    head = [fit_text(f"   {text('fact.time')}", 3 + _TIME), fit_text(text("fact.job"), name_width)]
     head += [
         to_the_right(f"RONt {text.units.unit('um')}".ljust(9), _RONT + 1),
-        fitted(text("records_page.ended"), _HOW + _SIM - 1),
+        fit_text(text("records_page.ended"), _HOW + _SIM - 1),
     ]
-    head += [fitted(text(f"fact.{name}"), cells) for name, cells in columns]
+    head += [fit_text(text(f"fact.{name}"), cells) for name, cells in columns]
     rows = [_row(runs, place, columns, name_width, text) for place in visible(runs, max(height - 1, 1))]
     return [line(dim("".join(head))), *rows][: max(height, 0)]
 
@@ -96,9 +96,9 @@ def nothing_lines(wanted: ListQuery, text: Catalogue, width: int) -> list[Line]:
     """Return why the list is empty, and how a run is recorded."""
     filters = wanted.filters
     if filters.failed or filters.job is not None or wanted.words:
-        return wrapped(text("records_page.no_match"), width)
+        return wrap_line(text("records_page.no_match"), width)
     said = "nothing" if filters.machine is None else "nothing_here"
-    return [*wrapped(text(f"records_page.{said}"), width), BLANK, *wrapped(text("records_page.how"), width)]
+    return [*wrap_line(text(f"records_page.{said}"), width), BLANK, *wrap_line(text("records_page.how"), width)]
 
 
 def _columns(width: int, *, everywhere: bool) -> list[tuple[str, int]]:
@@ -117,17 +117,24 @@ def _row(runs: RunList, place: int, columns: Sequence[tuple[str, int]], name_wid
     chosen = place == runs.selected
     mark = (_SELECTED if chosen else " ") + (_MARKED if row.run_id == runs.marked else " ")
     mark += "!" if row.damaged else " "
-    name = fitted(name_in(printable(row.job), max(name_width - 1, 1)), name_width)
+    name = fit_text(name_in(printable(row.job), max(name_width - 1, 1)), name_width)
     how = row.ended.how
     ended_token = (
-        Token.TEXT if how is How.DONE else Token.WARNING if row.failed and row.passed is not False else Token.DIM
+        Token.TEXT
+        if how is RunOutcome.DONE
+        else Token.WARNING
+        if row.failed and row.passed is not False
+        else Token.DIM
     )
     pieces: list[Piece] = [
-        (f"{mark}{fitted(local(row.started), _TIME)}{name}", Token.TEXT),
-        judged(row, text.units),
-        (" " + fitted(text.either(f"records_page.how.{how}", f"records.how.{how}"), _HOW - 1), ended_token),
-        (fitted(text("sim") if row.simulated else "", _SIM), Token.DIM),
-        *((fitted(_value(row, name, cells - 1, text), cells), Token.DIM) for name, cells in columns),
+        (f"{mark}{fit_text(local(row.started), _TIME)}{name}", Token.TEXT),
+        format_verdict(row, text.units),
+        (
+            " " + fit_text(text.first_sentence(f"records_page.how.{how}", f"records.how.{how}"), _HOW - 1),
+            ended_token,
+        ),
+        (fit_text(text("sim") if row.simulated else "", _SIM), Token.DIM),
+        *((fit_text(_value(row, name, cells - 1, text), cells), Token.DIM) for name, cells in columns),
     ]
     return ((("".join(piece for piece, _ in pieces)), Token.SELECTED),) if chosen else tuple(pieces)
 
@@ -139,7 +146,7 @@ def _value(row: RunRow, column: str, cells: int, text: Catalogue) -> str:
         case "operator":
             return name_in(printable(row.operator or NOTHING), cells)
         case "strategy":
-            return fitted(printable(row.strategy), cells)
+            return fit_text(printable(row.strategy), cells)
         case "version":
             return NOTHING if row.compensation in (None, MODEL) else str(row.compensation)
         case _:

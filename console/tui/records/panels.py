@@ -12,7 +12,7 @@ from textual.geometry import Size
 from textual.widget import Widget
 
 from console.session.learning.evaluated_part import EvaluatedPart
-from console.session.learning.job_chart import Figure, JobChart, NoClaim
+from console.session.learning.job_chart import ChartedQuantity, JobChart, NoClaim
 from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local, part_words
@@ -21,25 +21,25 @@ from console.tui.lines import (
     NOTHING,
     Line,
     Sheet,
-    clipped,
+    clip_lines,
     dim,
     entitle,
-    fitted,
+    fit_text,
     hanging,
+    justify_line,
     line,
     name_in,
-    ranged,
     to_the_right,
-    wrapped,
+    wrap_line,
 )
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.plot.frame import nice_limits
-from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
+from console.tui.plot.polar_view import AngleMark, PolarTrace, PolarView
 from console.tui.plot.run_chart_view import ChartPicture, Level, RunChartView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.records.background_reader import Problems
 from console.tui.records.list_lines import RunList, hidden_words, nothing_lines, run_lines, title_words
-from console.tui.records.reading import Listing, ListQuery, OpenedRuns
+from console.tui.records.reading import ListQuery, OpenedRuns, RunListing
 from console.tui.records.run_lines import jaw_harmonics, made_of, story_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
@@ -48,14 +48,14 @@ from profiles.files import printable
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, LEAST_TREND, Capability
 from profiles.strict_values import number, number_or_none
 
-Found = Listing | OpenedRuns | JobChart | Problems | None
+Found = RunListing | OpenedRuns | JobChart | Problems | None
 _PAGE_LEAST = 1
 _LABEL_LEAST = 13  # columns
 _MARKS = {True: "✓", False: "✗", None: "·"}
 MOST_NAMED = 8  # parts beyond the limits that are named
 
 
-class Mode(StrEnum):
+class RecordsView(StrEnum):
     """Mode of the page."""
 
     LIST = "list"
@@ -89,7 +89,9 @@ class RoundnessPanel(Horizontal):
         super().__init__(self.left, self.facts, id="records-run")
 
 
-def polar_of(traces: Sequence[tuple[EvaluatedPart | None, Token, bool]]) -> tuple[list[PolarTrace], list[Mark]]:
+def polar_of(
+    traces: Sequence[tuple[EvaluatedPart | None, Token, bool]],
+) -> tuple[list[PolarTrace], list[AngleMark]]:
     """Return the plotted traces, each turned so that jaw 1 is at the angle of the last one's."""
     shown = [(trace, token, dashed) for trace, token, dashed in traces if trace is not None]
     jaw_1_deg = shown[-1][0].jaw_1_deg if shown else None
@@ -102,7 +104,7 @@ def polar_of(traces: Sequence[tuple[EvaluatedPart | None, Token, bool]]) -> tupl
         )
         for trace, token, dashed in shown
     ]
-    return polar, [] if jaw_1_deg is None else [Mark(angle_deg=jaw_1_deg, label="1")]
+    return polar, [] if jaw_1_deg is None else [AngleMark(angle_deg=jaw_1_deg, label="1")]
 
 
 def _turn_deg(trace: EvaluatedPart, jaw_1_deg: float | None) -> float:
@@ -117,13 +119,13 @@ def pair_caption(pair: OpenedRuns, um_per_division: float, text: Catalogue, widt
         ront = NOTHING if part is None else text.units.show(part.ront_um, "um", 2)
         token = Token.BEFORE if run is pair.runs[0] else Token.AFTER
         rows.append(
-            ranged(line((key, token), f" {local(run.story.row.started)}"), line((f" {ront}", token)), width)
+            justify_line(line((key, token), f" {local(run.story.row.started)}"), line((f" {ront}", token)), width)
         )
-    scale = text("inspect_page.scale", value=text.units.short(um_per_division, "um"))
+    scale = text("inspect_page.scale", value=text.units.format_short(um_per_division, "um"))
     traces = [run.evaluated(run.product) for run in pair.runs]
     untied = any(trace is not None and trace.jaw_1_deg is None for trace in traces)
     note = text("records_page.not_turned") if untied else text("records_page.turned")
-    return [*rows, ranged(line(dim(note)), line(dim(" " + scale)), width)]
+    return [*rows, justify_line(line(dim(note)), line(dim(" " + scale)), width)]
 
 
 def pair_lines(pair: OpenedRuns, text: Catalogue, width: int) -> list[Line]:
@@ -134,7 +136,7 @@ def pair_lines(pair: OpenedRuns, text: Catalogue, width: int) -> list[Line]:
     for name, values in _rows(pair, text):
         cells = "".join(to_the_right(name_in(value, column - 1), column) for value in values)
         same = values[0] == values[1]
-        rows.append(line(dim(fitted(name, label)), (cells, Token.DIM if same else Token.TEXT)))
+        rows.append(line(dim(fit_text(name, label)), (cells, Token.DIM if same else Token.TEXT)))
     return rows
 
 
@@ -151,17 +153,17 @@ def _values(run: OpenedRun, text: Catalogue) -> dict[str, str]:
     if part is not None:
         values["RONt"] = f"{units.figure(part.ront_um, 'um', 2)} {_MARKS[part.passed]}"
         for name in ("RONp", "RONv", "RONq"):
-            values[name] = _shown(part.data.get(f"{name}_um"), lambda value: units.figure(value, "um", 2))
+            values[name] = _format_number(part.data.get(f"{name}_um"), lambda value: units.figure(value, "um", 2))
         if part.diameter_mm is not None:
             values[f"D {units.unit('mm')}"] = units.figure(part.diameter_mm, "mm", 3)
         harmonics = {text("inspect_page.harmonic", n=n): um_pp for n, um_pp in jaw_harmonics(part, run)}
         values |= {name: units.figure(um_pp, "um", 2) for name, um_pp in harmonics.items()}
-    values[text("records_page.ended")] = text.either(
+    values[text("records_page.ended")] = text.first_sentence(
         f"records_page.how.{row.ended.how}", f"records.how.{row.ended.how}"
     )
     values[text("fact.made")] = made_of(row, text)
-    values[text("records_page.force_n")] = _shown(run.story.setup.get("force_n"), _one)
-    values[f"{text('fact.jaw')} °"] = _shown(run.story.setup.get("jaw_1_deg"), _one)
+    values[text("records_page.force_n")] = _format_number(run.story.setup.get("force_n"), _one)
+    values[f"{text('fact.jaw')} °"] = _format_number(run.story.setup.get("jaw_1_deg"), _one)
     if job is not None:
         values["rpm"] = f"{job.spindle_speed_rpm:.0f}"
         values[text("records_page.depth_mm")] = units.figure(job.depth_of_cut_mm, "mm", 3)
@@ -175,7 +177,7 @@ def _one(value: float) -> str:
     return f"{value:.1f}"
 
 
-def _shown(value: object, form: Callable[[float], str]) -> str:
+def _format_number(value: object, form: Callable[[float], str]) -> str:
     try:
         return form(number(value))
     except (TypeError, ValueError):
@@ -192,13 +194,17 @@ def chart_picture(chart: JobChart, units: Units) -> ChartPicture:
     ]
     if chart.limits is not None:
         found = chart.limits
-        if chart.figure is not Figure.RONT or found.lower > 0.0:
+        if chart.figure is not ChartedQuantity.RONT or found.lower > 0.0:
             levels.append(Level(value=found.lower / size, name="LCL", token=Token.DIM, begins=begins, dashed=True))
         levels.append(Level(value=found.upper / size, name="UCL", token=Token.DIM, begins=begins, dashed=True))
         levels.append(Level(value=found.mean / size, name="avg", token=Token.RING, begins=begins))
     values = [each / size for each in chart.values_um]
     return ChartPicture(
-        numbers=chart.numbers, values=values, beyond=chart.beyond, levels=levels, unit=units.unit("um")
+        numbers=chart.numbers,
+        values=values,
+        beyond=chart.places_beyond_limits,
+        levels=levels,
+        unit=units.unit("um"),
     )
 
 
@@ -212,32 +218,32 @@ def chart_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
     """Return the statistics of a chart in words, most important first."""
     if not chart.values_um:
         said = "no_parts" if not chart.parts else "no_diameters"
-        return wrapped(text(f"records_page.chart.{said}"), width)
+        return wrap_line(text(f"records_page.chart.{said}"), width)
     lines = _limit_lines(chart, text, width)
     lines += _claim_lines(chart, text, width)
     lines += _lobe_lines(chart, text, width)
     count, dates = len(chart.values_um), {"first": _date(chart.first), "last": _date(chart.last)}
-    lines += wrapped(text("records_page.chart.parts", count=count, **dates), width, Token.DIM)
+    lines += wrap_line(text("records_page.chart.parts", count=count, **dates), width, Token.DIM)
     if chart.begins:
-        lines += wrapped(text("records_page.chart.alike", count=chart.alike), width, Token.DIM)
+        lines += wrap_line(text("records_page.chart.alike", count=chart.alike_count), width, Token.DIM)
     if chart.others:
-        lines += wrapped(text("records_page.chart.others", count=chart.others), width, Token.DIM)
+        lines += wrap_line(text("records_page.chart.others", count=chart.others), width, Token.DIM)
     return lines
 
 
 def _limit_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
     limits = chart.limits
     if limits is None:
-        few = text("records_page.chart.no_limits", count=chart.alike, least=LEAST_CHART)
-        return wrapped(few, width)
+        few = text("records_page.chart.no_limits", count=chart.alike_count, least=LEAST_CHART)
+        return wrap_line(few, width)
     found = {"mean": limits.mean, "lower": limits.lower, "upper": limits.upper}
     facts = {name: text.units.figure(value, "um", 2) for name, value in found.items()}
-    if chart.figure is Figure.RONT and limits.lower <= 0.0:
+    if chart.figure is ChartedQuantity.RONT and limits.lower <= 0.0:
         facts["lower"] = "0"
-    lines = wrapped(text("records_page.chart.limits", **facts), width)
-    if not chart.beyond:
+    lines = wrap_line(text("records_page.chart.limits", **facts), width)
+    if not chart.places_beyond_limits:
         return [*lines, line(dim(text("records_page.chart.none_beyond")))]
-    named = [str(chart.numbers[place]) for place in chart.beyond]
+    named = [str(chart.numbers[place]) for place in chart.places_beyond_limits]
     more = "" if len(named) <= MOST_NAMED else " …"
     which = ", ".join(named[-MOST_NAMED:]) if not more else "… " + ", ".join(named[-MOST_NAMED:])
     beyond = text("records_page.chart.beyond", count=len(named), which=which)
@@ -248,8 +254,8 @@ def _claim_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
     """Return the indices with the number of parts and their interval, or why none is claimed."""
     found = chart.capability
     if found is not None:
-        return wrapped(capability_words(found, text), width, Token.STRONG)
-    facts = {"count": chart.alike, "least": LEAST_PARTS, "beyond": len(chart.beyond)}
+        return wrap_line(capability_words(found, text), width, Token.STRONG)
+    facts = {"count": chart.alike_count, "least": LEAST_PARTS, "beyond": len(chart.places_beyond_limits)}
     said = text(f"records_page.chart.claim.{chart.no_claim or NoClaim.LATER}", **facts)
     return hanging(dim("Cpk – "), said, width)
 
@@ -269,12 +275,12 @@ def _lobe_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
         if chart.no_claim is NoClaim.LATER:
             return []
         few = text("records_page.chart.no_trend", least=LEAST_TREND)
-        return wrapped(few, width, Token.DIM)
+        return wrap_line(few, width, Token.DIM)
     rising = "rising" if found.per_part > 0.0 else "falling"
     slope, half = text.units.figure(found.per_part, "um", 3, "+"), text.units.figure(found.half_width, "um", 3)
     facts = {"slope": slope, "half": half, "count": found.parts}
     said = text(f"records_page.chart.{rising if found.significant else 'steady'}", **facts)
-    return wrapped(said, width, Token.WARNING if found.significant and found.per_part > 0.0 else Token.TEXT)
+    return wrap_line(said, width, Token.WARNING if found.significant and found.per_part > 0.0 else Token.TEXT)
 
 
 def _date(date: object) -> str:
@@ -319,23 +325,25 @@ class RecordsPanels:
         panels = (self._rows, self._run.facts, self._run.caption, self._program, self._claims, self._message)
         return tuple(panel.size for panel in panels)
 
-    def of(self, mode: Mode, found: Found) -> Widget:
+    def panel_for(self, mode: RecordsView, found: Found) -> Widget:
         """Return the panel for the content; the message panel without any."""
-        if mode is Mode.LIST and isinstance(found, Listing) and found.rows:
+        if mode is RecordsView.LIST and isinstance(found, RunListing) and found.rows:
             return self._rows
         if isinstance(found, JobChart):
             return self._chart
         if not isinstance(found, OpenedRuns):
-            return self._rows if mode is Mode.LIST and found is None else self._message
-        if mode is Mode.CUT:
+            return self._rows if mode is RecordsView.LIST and found is None else self._message
+        if mode is RecordsView.CUT:
             return self._cut if found.runs[0].telemetry is not None else self._message
-        return self._program if mode is Mode.PROGRAM else self._run
+        return self._program if mode is RecordsView.PROGRAM else self._run
 
-    def page_rows(self, mode: Mode) -> int:
+    def page_rows(self, mode: RecordsView) -> int:
         """Return by how many rows PgUp and PgDn move."""
-        panel = {Mode.LIST: self._rows, Mode.PROGRAM: self._program, Mode.CHART: self._claims}.get(
-            mode, self._run.facts
-        )
+        panel = {
+            RecordsView.LIST: self._rows,
+            RecordsView.PROGRAM: self._program,
+            RecordsView.CHART: self._claims,
+        }.get(mode, self._run.facts)
         return max(panel.size.height - 2, _PAGE_LEAST)
 
     def show_list(
@@ -360,7 +368,7 @@ class RecordsPanels:
             reading = text("records_page.reading") if found is None else hidden_words(runs, text, size.height)
             self._rows.show(_below_entry(lines, typing=typing), title, reading)
 
-    def show(self, mode: Mode, found: Found, top: int) -> int:
+    def show(self, mode: RecordsView, found: Found, top: int) -> int:
         """Show the opened runs or chart, lines from `top` on; return the first shown line."""
         text = self._text
         if isinstance(found, JobChart):
@@ -372,12 +380,12 @@ class RecordsPanels:
             self._say(lines, "")
             return 0
         run = found.runs[-1]
-        if mode is Mode.CUT:
+        if mode is RecordsView.CUT:
             return self._show_cut(run)
-        if mode is Mode.PROGRAM:
+        if mode is RecordsView.PROGRAM:
             lines = self._lines(found, self._program, lambda _: program_lines(run))
-            return self._scroll(self._program, lines, top, text("records_page.program", time=_when(run)))
-        if mode is Mode.PAIR and len(found.runs) > 1:
+            return self._scroll(self._program, lines, top, text("records_page.program", time=_start_time(run)))
+        if mode is RecordsView.PAIR and len(found.runs) > 1:
             return self._show_pair(found, top)
         return self._show_run(run, found, top)
 
@@ -391,7 +399,7 @@ class RecordsPanels:
         scale = panel.polar.scale_um_per_division
         panel.caption.show(trace_caption(run, scale, text, max(panel.caption.size.width, 1)))
         lines = self._lines(found, panel.facts, lambda width: story_lines(run, text, width))
-        return self._scroll(panel.facts, lines, top, _when(run))
+        return self._scroll(panel.facts, lines, top, _start_time(run))
 
     def _show_pair(self, pair: OpenedRuns, top: int) -> int:
         text, panel = self._text, self._run
@@ -408,7 +416,7 @@ class RecordsPanels:
     def _show_cut(self, run: OpenedRun) -> int:
         text, telemetry = self._text, run.telemetry
         if telemetry is None:
-            self._say([line(dim(text("records_page.no_telemetry")))], _when(run))
+            self._say([line(dim(text("records_page.no_telemetry")))], _start_time(run))
             return 0
         time_s = telemetry.column("time_s")
         fed = telemetry.fed_along(math.inf if run.job is None else run.job.cut_length_mm)
@@ -440,7 +448,7 @@ class RecordsPanels:
 
     def _say(self, lines: Sequence[Line], title: str) -> None:
         panel = self._message
-        self._message.show(clipped(list(lines), panel.size.height, self._text("panel.more")), title, "")
+        self._message.show(clip_lines(list(lines), panel.size.height, self._text("panel.more")), title, "")
 
     def _lines(self, found: object, panel: Sheet, make: Callable[[int], list[Line]]) -> list[Line]:
         """Return lines for a panel, made anew only for other content or another width."""
@@ -458,15 +466,15 @@ class RecordsPanels:
         return top
 
 
-def full_lines(mode: Mode, found: Found, text: Catalogue, width: int) -> list[Line]:
+def full_lines(mode: RecordsView, found: Found, text: Catalogue, width: int) -> list[Line]:
     """Return all text on the opened runs or chart, or why they cannot be read."""
     if isinstance(found, tuple):
         return _problem_lines(found, text, width)
     if isinstance(found, JobChart):
         return chart_lines(found, text, width)
-    if not isinstance(found, OpenedRuns) or mode is Mode.PROGRAM:
+    if not isinstance(found, OpenedRuns) or mode is RecordsView.PROGRAM:
         return []
-    if mode is Mode.PAIR and len(found.runs) > 1:
+    if mode is RecordsView.PAIR and len(found.runs) > 1:
         return pair_lines(found, text, width)
     return story_lines(found.runs[-1], text, width)
 
@@ -495,27 +503,29 @@ def trace_caption(run: OpenedRun, um_per_division: float, text: Catalogue, width
         key, token = (AFTER_KEY, Token.AFTER) if part.product else (BEFORE_KEY, Token.BEFORE)
         name = f" {printable(part.part, 20) or text('records_page.trace')}"
         rows.append(
-            ranged(line((key, token), name), line((f" {text.units.show(part.ront_um, 'um', 2)}", token)), width)
+            justify_line(
+                line((key, token), name), line((f" {text.units.show(part.ront_um, 'um', 2)}", token)), width
+            )
         )
     trace = run.evaluated(run.product)
     jaw_1_deg = number_or_none(run.story.setup.get("jaw_1_deg")) if trace is None else trace.jaw_1_deg
     jaw = "" if trace is None else text("inspect_page.jaw_unknown")
     if jaw_1_deg is not None:
         jaw = text("inspect_page.jaw", angle=f"{jaw_1_deg:.1f}")
-    scale = text("inspect_page.scale", value=text.units.short(um_per_division, "um"))
-    return [*rows[-2:], ranged(line(dim(jaw)), line(dim(" " + scale)), width)]
+    scale = text("inspect_page.scale", value=text.units.format_short(um_per_division, "um"))
+    return [*rows[-2:], justify_line(line(dim(jaw)), line(dim(" " + scale)), width)]
 
 
 def _problem_lines(problems: Problems, text: Catalogue, width: int) -> list[Line]:
     lines: list[Line] = []
     for problem in problems:
         lines += hanging(("! ", Token.WARNING), text.problem(problem), width, Token.WARNING)
-    return [*lines, BLANK, *wrapped(text("records_page.others_work"), width, Token.DIM)]
+    return [*lines, BLANK, *wrap_line(text("records_page.others_work"), width, Token.DIM)]
 
 
 def _below_entry(lines: Sequence[Line], *, typing: bool) -> list[Line]:
     return [line(" / "), *lines] if typing else list(lines)
 
 
-def _when(run: OpenedRun) -> str:
+def _start_time(run: OpenedRun) -> str:
     return local(run.story.row.started)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from console.session.data.run_reader import RunFilters, runs
 from console.session.data.run_rows import RunRow
-from console.session.learning.job_chart import Figure, JobChart, job_chart, list_like_parts
+from console.session.learning.job_chart import ChartedQuantity, JobChart, job_chart, list_like_parts
 from console.session.learning.opened_run import OpenedRun, open_run
 from console.tui.records.background_reader import BackgroundReader, Problems
 from profiles.store import LoadedMachine
@@ -29,7 +29,7 @@ class ListQuery:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Listing:
+class RunListing:
     """The runs found so far, newest first, and whether there may be more."""
 
     wanted: ListQuery
@@ -41,13 +41,13 @@ class Listing:
         return next((place for place, row in enumerate(self.rows) if row.run_id == run_id), None)
 
 
-def list_runs(folder: Path, wanted: ListQuery, known: Listing | None) -> Listing:
+def list_runs(folder: Path, wanted: ListQuery, known: RunListing | None) -> RunListing:
     """Return as many runs as are wanted, continuing the `known` list of the same query.
 
     Raises SessionError: as `console.session.data.run_reader.runs`.
     """
     rows: list[RunRow] = []
-    if known is not None and _same(known.wanted, wanted):
+    if known is not None and _is_same_query(known.wanted, wanted):
         rows, more = list(known.rows), known.more
     else:
         more = True
@@ -59,10 +59,10 @@ def list_runs(folder: Path, wanted: ListQuery, known: Listing | None) -> Listing
         more = len(found) == piece
         rows += [row for row in found if words in row.job.casefold()]
         last = found[-1].run_id if found else last
-    return Listing(wanted=wanted, rows=tuple(rows), more=more)
+    return RunListing(wanted=wanted, rows=tuple(rows), more=more)
 
 
-def _same(one: ListQuery, other: ListQuery) -> bool:
+def _is_same_query(one: ListQuery, other: ListQuery) -> bool:
     return (one.filters, one.words, one.version) == (other.filters, other.words, other.version)
 
 
@@ -81,20 +81,20 @@ class RecordsReader:
 
     def __init__(self, data: Path, machine: LoadedMachine) -> None:
         self._data, self._machine = data, machine
-        self._list: BackgroundReader[Listing] = BackgroundReader()
+        self._list: BackgroundReader[RunListing] = BackgroundReader()
         self._runs: BackgroundReader[OpenedRuns] = BackgroundReader()
         self._chart: BackgroundReader[JobChart] = BackgroundReader()
-        self._known: Listing | None = None
+        self._known: RunListing | None = None
 
-    def listing(self, wanted: ListQuery) -> Listing | Problems | None:
+    def listing(self, wanted: ListQuery) -> RunListing | Problems | None:
         """Return the queried runs, continuing the known list."""
         known = self._known
         found = self._list.answer(wanted, lambda: list_runs(self._data, wanted, known))
-        if isinstance(found, Listing):
+        if isinstance(found, RunListing):
             self._known = found
         return found
 
-    def opened(
+    def open_runs(
         self, run_ids: tuple[str, ...], version: tuple[object, ...], *, moving: bool
     ) -> OpenedRuns | Problems | None:
         """Return these runs in full. While something moves, why a part is not round is left for later."""
@@ -106,7 +106,7 @@ class RecordsReader:
         return self._runs.answer((run_ids, explains, version), read)
 
     def chart(
-        self, row: RunRow, figure: Figure, version: tuple[object, ...], *, moving: bool
+        self, row: RunRow, figure: ChartedQuantity, version: tuple[object, ...], *, moving: bool
     ) -> JobChart | Problems | None:
         """Return the chart of a run's job. While something moves scipy is not loaded: it holds up the threads."""
         judge = not moving or STATISTICS in sys.modules

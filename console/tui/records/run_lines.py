@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from console.session.data.measured_part import RecordedPart
-from console.session.data.run_facts import Kind, origin_facts, setup_facts
-from console.session.data.run_rows import How, RunRow, recorded_problems
+from console.session.data.run_facts import FactKind, origin_facts, setup_facts
+from console.session.data.run_rows import RunOutcome, RunRow, recorded_problems
 from console.session.learning.opened_run import JobNow, OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.part_sentences import verdict_words
@@ -18,7 +18,7 @@ from console.text.recorded_words import (
     timed_words,
 )
 from console.text.run_debrief import debrief_sections
-from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wrap_line
 from console.tui.pages.inspect_lines import FRONT_MULTIPLES, diameter_verdict, judged_line, roundness_facts
 from console.tui.pages.jobs_lines import job_lines
 from console.tui.pages.learn_lines import cut_words
@@ -57,11 +57,11 @@ def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     part, row = run.story.product, run.story.row
     lines = _verdict(part, text, width) if part is not None else [line(dim(text("records.not_measured")))]
     ended = ending_words(row.ended, text, Layout.PAGE, run.story.alarms)
-    lines += wrapped(ended, width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
+    lines += wrap_line(ended, width, Token.TEXT if row.ended.how is RunOutcome.DONE else Token.WARNING)
     if judged := verdict_words(run.story.cut_verdict, text):
-        lines += wrapped(f"{text('run.cut_verdict')}: {judged}", width, Token.TEXT)
+        lines += wrap_line(f"{text('run.cut_verdict')}: {judged}", width, Token.TEXT)
     if row.simulated:
-        lines += wrapped(text("inspect_page.simulated"), width, Token.SIM)
+        lines += wrap_line(text("inspect_page.simulated"), width, Token.SIM)
     return lines
 
 
@@ -126,7 +126,7 @@ def figures(part: RecordedPart, run: OpenedRun, text: Catalogue) -> list[tuple[s
         rows.append((text("fact.diameter"), text.units.show(part.diameter_mm, "mm", 3)))
         if (off_um := part.off_nominal_um) is not None:
             allowed_um = part.diameter_tolerance_um
-            judged = "" if allowed_um is None else f" (± {text.units.short(allowed_um, 'um')})"
+            judged = "" if allowed_um is None else f" (± {text.units.format_short(allowed_um, 'um')})"
             rows.append((text("records_page.off_nominal"), f"{text.units.show(off_um, 'um', 1, '+')}{judged}"))
     of_jaws = jaw_harmonics(part, run)
     rows += [
@@ -153,16 +153,16 @@ def _setup_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     rows = fact_rows(setup_facts(run.story), text, Layout.PAGE)
     lines = [_fact(name, value, width) for name, value in rows]
     if run.story.setup.get("aligned") is False:
-        lines += wrapped(text("records_page.not_aligned"), width, Token.DIM)
+        lines += wrap_line(text("records_page.not_aligned"), width, Token.DIM)
     return lines
 
 
 def _job_lines(run: OpenedRun, text: Catalogue, width: int, room: int) -> list[Line]:
     note = {JobNow.SAME: Token.DIM, JobNow.CHANGED: Token.WARNING, JobNow.GONE: Token.DIM}[run.job_now]
-    lines = wrapped(printable(run.story.row.job), width, Token.STRONG)
-    lines += wrapped(text(f"records_page.job_now.{run.job_now}"), width, note)
+    lines = wrap_line(printable(run.story.row.job), width, Token.STRONG)
+    lines += wrap_line(text(f"records_page.job_now.{run.job_now}"), width, note)
     if run.machine_changed:
-        lines += wrapped(text("records_page.machine_changed"), width, Token.WARNING)
+        lines += wrap_line(text("records_page.machine_changed"), width, Token.WARNING)
     return [*lines, *([] if run.job is None else job_lines(run.job, text, room))]
 
 
@@ -175,13 +175,13 @@ def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
             left = number_or_none(proposed.get("expected_ront_um"))
             expected = NOTHING if left is None else text.units.figure(forecast_um(left), "um", 2)
             version = printable(str(proposed["version"]), 10)
-            lines += wrapped(text("records_page.proposed", version=version, expected=expected), width)
+            lines += wrap_line(text("records_page.proposed", version=version, expected=expected), width)
         for problem in recorded_problems(proposed):
             lines += hanging(("· ", Token.TEXT), problem_words(problem, text), width)
-    for event in run.story.accepted:
+    for event in run.story.accepted_steps:
         facts = {"version": printable(str(event.data.get("version", NOTHING)), 10), "at": local(event.at)}
         by = printable(str(event.data.get("by") or ""), 30)
-        lines += wrapped(f"{text('records_page.accepted', **facts)} {by}".rstrip(), width)
+        lines += wrap_line(f"{text('records_page.accepted', **facts)} {by}".rstrip(), width)
     return lines
 
 
@@ -190,11 +190,11 @@ def _timed_lines(rows: list[tuple[str, str]], width: int) -> list[Line]:
 
 
 def _software_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    facts = [each for each in origin_facts(run.story) if each.kind is not Kind.HASH]
+    facts = [each for each in origin_facts(run.story) if each.kind is not FactKind.HASH]
     named = [each for each in facts if each.key not in _UNNAMED]
     said = [fact_words(each, text, Layout.PAGE) for each in facts if each.key in _UNNAMED]
     said += [" ".join(row) for row in fact_rows(named, text, Layout.PAGE)]
-    return [each for row in said if row for each in wrapped(row, width, Token.DIM)]
+    return [each for row in said if row for each in wrap_line(row, width, Token.DIM)]
 
 
 def _fact(label: str, value: str, width: int) -> Line:

@@ -83,7 +83,7 @@ def band_series(
         most = float(np.max(np.abs(cut.errors_um), initial=LEAST_LIMIT_UM))
         samples = Series(x=cut.angles_deg, y=cut.errors_um / unit_um, token=Token.AFTER, dots=True)
         return (samples,), nice_limits(-most / unit_um, most / unit_um)
-    angle, mean, spread = _closed(band)
+    angle, mean, spread = _close_band(band)
     most = max(float(np.abs(mean).max() + spread.max()), LEAST_LIMIT_UM)
     edges = [
         Series(
@@ -96,7 +96,7 @@ def band_series(
     )
 
 
-def _closed(band: ErrorBand) -> tuple[Floats, Floats, Floats]:
+def _close_band(band: ErrorBand) -> tuple[Floats, Floats, Floats]:
     """Return the sectors with their neighbours across the zero of the turn."""
     angle = np.concatenate([[band.angle_deg[-1] - 360.0], band.angle_deg, [band.angle_deg[0] + 360.0]])
     mean, spread = (

@@ -8,7 +8,7 @@ from rich.cells import cell_len
 
 from console.session.station.progress import CutProgress, CutStage
 from console.text.catalogue import Catalogue
-from console.tui.lines import NOTHING, Line, dim, fact, fitted, line, width_of, wrapped
+from console.tui.lines import NOTHING, Line, dim, fact, fit_text, line, width_of, wrap_line
 from console.tui.run.error_band import ErrorBand
 from console.tui.theme import Token
 from drivers.lathe.snapshot import AxisName
@@ -25,15 +25,15 @@ def moment_lines(text: Catalogue, cut: CutProgress, band: ErrorBand | None, widt
     if cut.stage is CutStage.PAUSED:
         return [*phase_rows(text, cut, width), *hold_rows(text, cut, width)]
     where, words = _place(text, cut)
-    place = line(*where, dim(fitted(f"  {words}", max(width - width_of(where), 0)).rstrip()))
+    place = line(*where, dim(fit_text(f"  {words}", max(width - width_of(where), 0)).rstrip()))
     return [*phase_rows(text, cut, width), to_go_line(text, cut, width), place, *told]
 
 
 def moment_in_full(text: Catalogue, cut: CutProgress, band: ErrorBand | None, width: int) -> list[Line]:
     """Return the same with nothing shortened, and in words what repeats and what is random."""
-    told = [] if band is None else [band_line(text, band, width), *wrapped(text("run_page.band_means"), width)]
+    told = [] if band is None else [band_line(text, band, width), *wrap_line(text("run_page.band_means"), width)]
     where, words = _place(text, cut)
-    place = [where, *(wrapped(words, width, Token.DIM) if words else [])]
+    place = [where, *(wrap_line(words, width, Token.DIM) if words else [])]
     held = hold_rows(text, cut, width)
     return [*held, *phase_rows(text, cut, width), to_go_line(text, cut, width), *place, *told]
 
@@ -43,9 +43,9 @@ def hold_rows(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     if not cut.holds_mm:
         return []
     places = ", ".join(text.units.figure(place_mm, "mm", 1) for place_mm in cut.holds_mm)
-    rows = wrapped(text("run_page.hold_mark", z=places), width, Token.WARNING)
+    rows = wrap_line(text("run_page.hold_mark", z=places), width, Token.WARNING)
     if cut.held_left_s is not None:
-        rows = [*wrapped(text("run_page.hold_left", left=_minutes(cut.held_left_s)), width), *rows]
+        rows = [*wrap_line(text("run_page.hold_left", left=_minutes(cut.held_left_s)), width), *rows]
     return rows
 
 
@@ -98,4 +98,4 @@ def band_line(text: Catalogue, band: ErrorBand, width: int) -> Line:
         mean=text.units.figure(band.repeats_um, "um", 2),
         spread=text.units.figure(band.random_um, "um", 2),
     )
-    return line((fitted(words, width).rstrip(), Token.TEXT))
+    return line((fit_text(words, width).rstrip(), Token.TEXT))

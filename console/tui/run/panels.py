@@ -6,14 +6,14 @@ from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 
 from console.session.cut.alignment import JawAngle
-from console.session.guide.situation import Phase
+from console.session.guide.situation import GuidePhase
 from console.session.guide.start_checks import checks
 from console.session.station.progress import CutProgress
-from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, entitle, line, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, Sheet, clip_lines, dim, entitle, line, wrap_line
 from console.tui.pages import run_lines
 from console.tui.pages.cut_lines import large_lines, live_lines, mean_error_um, progress_line, values_title
 from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, stale, stop_lines
-from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
+from console.tui.plot.polar_view import AngleMark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TracePicture, TraceView
 from console.tui.run.adjust_lines import adjust_line
 from console.tui.run.error_band import band_series, error_band
@@ -27,11 +27,11 @@ WIDEST_FACT = 56  # columns in which a label and its value are still read togeth
 LEAST_WIDTH = 10  # a narrower panel has not got its size yet: a text in it would be broken by letters
 
 
-class _Across(Horizontal):
+class _PanelRow(Horizontal):
     BLANK = True  # panels cover it: there are no rows of its own to paint at every tick
 
 
-class _Down(Vertical):
+class _PanelColumn(Vertical):
     BLANK = True
 
 
@@ -52,39 +52,39 @@ class RunPanels:
         self._moment = Sheet(palette, id="run-program")
         self._drawn: CutProgress | None = None
         self._errors.border_title = ui.text("run_page.errors")
-        plots = _Down(self._errors, self._polar, self._moment, id="run-plots")
+        plots = _PanelColumn(self._errors, self._polar, self._moment, id="run-plots")
         self.widgets: tuple[Widget, ...] = (
-            _Across(self._left, self._right, id="run-two"),
-            _Down(self._progress, _Across(self._values, plots, id="run-moment"), id="run-live"),
+            _PanelRow(self._left, self._right, id="run-two"),
+            _PanelColumn(self._progress, _PanelRow(self._values, plots, id="run-moment"), id="run-live"),
         )
 
     def redraw(self) -> None:
         """Draw the plots again, even of a cut that has not moved on since."""
         self._drawn = None
 
-    def have_room(self, phase: Phase) -> bool:
+    def have_room(self, phase: GuidePhase) -> bool:
         """Whether the panels of a phase know their size; if not, they are emptied."""
-        panels = (self._progress, self._values) if phase is Phase.CUTTING else (self._left, self._right)
+        panels = (self._progress, self._values) if phase is GuidePhase.CUTTING else (self._left, self._right)
         if all(panel.size.width >= LEAST_WIDTH for panel in panels):
             return True
         for panel in panels:
             panel.show([])
         return False
 
-    def fill(self, phase: Phase, view: View, adjusts: Adjustable, *, roomy: bool) -> None:
+    def fill(self, phase: GuidePhase, view: View, adjusts: Adjustable, *, roomy: bool) -> None:
         """Show the newest state in the panels of its phase; `adjusts` is what + and - change.
 
         Without `roomy` there is no polar plot.
         """
         cut = view.state.cut
         match phase:
-            case Phase.CUTTING if cut is not None:
+            case GuidePhase.CUTTING if cut is not None:
                 self._show_cut(cut, view, adjusts, roomy=roomy)
-            case Phase.ENDED if cut is not None:
+            case GuidePhase.ENDED if cut is not None:
                 self._show_end(cut, view)
-            case Phase.STOPPED:
+            case GuidePhase.STOPPED:
                 self._show_stop(view)
-            case Phase.LOST:
+            case GuidePhase.LOST:
                 self._show_lost(view)
             case _:
                 self._show_before(view)
@@ -99,10 +99,10 @@ class RunPanels:
         room = size.height - len(moves) - len(inputs)
         found = run_lines.check_lines(text, checks(state, work, machine), size.width, room)
         self._left.show([*moves, *found, *inputs], text("run_page.checks"))
-        width, rows = self._right.size.width, wrapped(text("run_page.no_job"), self._right.size.width)
+        width, rows = self._right.size.width, wrap_line(text("run_page.no_job"), self._right.size.width)
         if work is not None:
             rows = run_lines.summary_lines(text, state, work, view.now_s, min(width, WIDEST_FACT))
-            rows = clipped(rows, self._right.size.height, text("panel.more"))
+            rows = clip_lines(rows, self._right.size.height, text("panel.more"))
         self._right.show(rows, text("run_page.summary" if state.armed is None else "run_page.armed_title"))
 
     def _show_cut(self, cut: CutProgress, view: View, adjusts: Adjustable, *, roomy: bool) -> None:
@@ -133,10 +133,10 @@ class RunPanels:
         angles_deg, errors_um = mean_error_um(cut)
         # A tool that is too far in leaves too small a radius.
         trace = PolarTrace(angle_deg=angles_deg, deviation_um=-errors_um, token=Token.AFTER)
-        marks = [] if jaw is None else [Mark(angle_deg=jaw.angle_deg, label="1")]
+        marks = [] if jaw is None else [AngleMark(angle_deg=jaw.angle_deg, label="1")]
         units = self._ui.text.units
         self._polar.show([trace] if cut.judged else [], marks=marks, unit_um=units.size("um"))
-        scale = units.short(self._polar.scale_um_per_division, "um")
+        scale = units.format_short(self._polar.scale_um_per_division, "um")
         entitle(self._polar, self._ui.text("run_page.polar", scale=scale))
 
     def _show_end(self, cut: CutProgress, view: View) -> None:
@@ -144,9 +144,11 @@ class RunPanels:
         figures = run_lines.figure_lines(text, cut, min(self._left.size.width, WIDEST_FACT))
         room = self._left.size.height
         figures = figures if len(figures) <= room else [row for row in figures if row != BLANK]
-        self._left.show(clipped(figures, room, text("panel.more")), text("run_page.figures"))
+        self._left.show(clip_lines(figures, room, text("panel.more")), text("run_page.figures"))
         after = run_lines.after_lines(text, view.state, view.work, machine, self._right.size.width)
-        self._right.show(clipped(after, self._right.size.height, text("panel.more")), text("run_page.what_next"))
+        self._right.show(
+            clip_lines(after, self._right.size.height, text("panel.more")), text("run_page.what_next")
+        )
 
     def _show_stop(self, view: View) -> None:
         text, state, size = self._ui.text, view.state, self._left.size
@@ -155,7 +157,7 @@ class RunPanels:
         width, cut = min(self._right.size.width, WIDEST_FACT), cut_of_stop(state)
         if cut is None:
             spindle = spindle_line(text, state.spindle_rpm, width)
-            rows = [spindle, BLANK, *wrapped(text("run_page.no_cut"), width)]
+            rows = [spindle, BLANK, *wrap_line(text("run_page.no_cut"), width)]
             self._right.show(rows, text("run_page.values"))
         else:
             self._right.show(live_lines(text, cut, view.job, width), text("run_page.last_values"))

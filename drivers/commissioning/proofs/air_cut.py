@@ -9,14 +9,14 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from drivers.commissioning.judged import Judged
+from drivers.commissioning.checked_configuration import CheckedConfiguration
 from drivers.commissioning.rules import LOBE_AMPLITUDE_UM, LOBE_FREQUENCY_HZ
 from drivers.pmac import reserved
 from drivers.pmac.axes import AxisDefinition, read_definitions
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import signed
+from drivers.pmac.programs.setup import sign_program
 from profiles.machine import MachineProfile
 
 PROGRAM = 999
@@ -66,26 +66,28 @@ def air_cut(machine: MachineProfile) -> AirCut:
 
 
 @dataclass(frozen=True, slots=True)
-class Begin:
+class AxisStart:
     """The starting position of an axis, counts, and the direction with free travel, +1 or -1."""
 
     counts: float
     direction: int
 
 
-def lobe_ends(machine: MachineProfile, tool: Begin) -> tuple[float, float]:
+def lobe_ends(machine: MachineProfile, tool: AxisStart) -> tuple[float, float]:
     """Return the reversal points of the tool, counts."""
     mean, amplitude = _mean(machine, tool), air_cut(machine).amplitude
     return mean - amplitude, mean + amplitude
 
 
-def _mean(machine: MachineProfile, tool: Begin) -> float:
+def _mean(machine: MachineProfile, tool: AxisStart) -> float:
     return tool.counts + tool.direction * DEPTH_MM * machine.tool.counts_per_mm
 
 
-def air_cut_lines(judged: Judged, policy: Policy, tool: Begin, carriage: Begin) -> tuple[str, ...]:
+def air_cut_lines(
+    judged: CheckedConfiguration, policy: Policy, tool: AxisStart, carriage: AxisStart
+) -> tuple[str, ...]:
     """Return the program; it moves tool and carriage from their start in the direction of free travel."""
-    return tuple(signed("\n".join(_Writer(judged, policy, tool, carriage).lines())).splitlines())
+    return tuple(sign_program("\n".join(_AirCutWriter(judged, policy, tool, carriage).lines())).splitlines())
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +97,7 @@ class _Word:
     definition: AxisDefinition
     unit_ms: float
 
-    def at(self, place: str, speed: str = "0") -> str:
+    def word_at(self, place: str, speed: str = "0") -> str:
         """Return the word for a position with the speed there."""
         offset, scale = self.definition.offset, self.definition.scale
         counts = f"({place}-({format_number(offset)}))" if offset else f"({place})"
@@ -104,10 +106,10 @@ class _Word:
         return f"{self.definition.axis}{divided}:({speed}*({per_unit}))"
 
 
-class _Writer:
+class _AirCutWriter:
     """Writes the program; P25 counts segments, P26 those of growth, P27 is the fraction, P28 the turn's end."""
 
-    def __init__(self, judged: Judged, policy: Policy, tool: Begin, carriage: Begin) -> None:
+    def __init__(self, judged: CheckedConfiguration, policy: Policy, tool: AxisStart, carriage: AxisStart) -> None:
         machine = judged.machine
         unit_ms = judged.of_system(90)  # the time unit of speeds
         self._machine, self._cut = machine, air_cut(machine)
@@ -170,11 +172,11 @@ class _Writer:
     ) -> str:
         """Return a line for the spindle's travel, in ms of full speed, and its fraction of full speed."""
         machine, speed = self._machine, format_number(self._cut.spindle)
-        words = [self._words[machine.tool.motor].at(tool, tool_speed)]
+        words = [self._words[machine.tool.motor].word_at(tool, tool_speed)]
         if not machine.spindle.followed:
             turned = f"{SPINDLE_START}+{speed}*{spindle_ms}"
             words.append(
-                self._words[machine.spindle.motor].at(turned, format_number(self._cut.spindle * fraction))
+                self._words[machine.spindle.motor].word_at(turned, format_number(self._cut.spindle * fraction))
             )
-        words.append(self._words[machine.carriage.motor].at(carriage or self._begin, feed))
+        words.append(self._words[machine.carriage.motor].word_at(carriage or self._begin, feed))
         return " ".join(words)

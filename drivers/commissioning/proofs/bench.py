@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 from drivers.clock import Clock
 from drivers.commissioning.check import Check, Group, severity
-from drivers.commissioning.judged import Judged
-from drivers.commissioning.stop_record import Origin, Way, needed_stops
+from drivers.commissioning.checked_configuration import CheckedConfiguration
+from drivers.commissioning.stop_record import PriorMotion, StopMethod, needed_stops
 from drivers.controller import Controller
 from drivers.errors import ControllerError, DriverError
 from drivers.lathe.stop import StopPath
@@ -45,7 +45,7 @@ class ProofRig:
     client: Controller
     stop: StopPath
     clock: Clock
-    judged: Judged
+    judged: CheckedConfiguration
     owner: float | None = None
     owner_seen: Callable[[float], None] = lambda _: None
     corrected: set[int] = field(default_factory=set)
@@ -184,7 +184,7 @@ def proof(name: str, *, holds: bool, found: str, wanted: str) -> Check:
     return Check(Group.PROOFS, f"proof_{name}", severity(holds), found=found, wanted=wanted)
 
 
-def stop_name(way: Way, origin: Origin) -> str:
+def stop_name(way: StopMethod, origin: PriorMotion) -> str:
     """Return the name of a stop test."""
     return f"stop_{way}_{origin}"
 
@@ -192,9 +192,12 @@ def stop_name(way: Way, origin: Origin) -> str:
 def names_of(machine: MachineProfile) -> tuple[str, ...]:
     """Return the names of all tests of a machine."""
     stops = {(way, origin) for way, origin, _ in needed_stops(machine)}
-    return (*RULES, *(stop_name(way, origin) for origin in Origin for way in Way if (way, origin) in stops))
+    return (
+        *RULES,
+        *(stop_name(way, origin) for origin in PriorMotion for way in StopMethod if (way, origin) in stops),
+    )
 
 
-def unproven(names: Iterable[str]) -> list[Check]:
+def list_missing_tests(names: Iterable[str]) -> list[Check]:
     """Return the tests still to be done."""
     return [Check(Group.PROOFS, f"unproven_{name}", Severity.NOTICE) for name in names]

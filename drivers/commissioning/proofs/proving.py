@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 from drivers.clock import Clock
 from drivers.commissioning.check import Check, Group
+from drivers.commissioning.checked_configuration import digits
 from drivers.commissioning.fingerprint import changed_settings
-from drivers.commissioning.judged import digits
-from drivers.commissioning.proofs.bench import POLL_S, SETTLE_S, ProofRig, names_of, proof, unproven
+from drivers.commissioning.proofs.bench import POLL_S, SETTLE_S, ProofRig, list_missing_tests, names_of, proof
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.reading import Extent, holds_another, read_configuration, read_gathering
 from drivers.commissioning.stop_record import StopEntry
@@ -29,7 +29,7 @@ from drivers.pmac.compensation.table_text import definition_text
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.gathering.gather_client import DataGathering, GatheredData
 from drivers.pmac.language.text import format_constant
-from drivers.pmac.programs.setup import signed
+from drivers.pmac.programs.setup import sign_program
 from drivers.pmac.reserved import OWNER
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.status import decode
@@ -116,7 +116,7 @@ def source_delay(bench: ProofRig) -> Check:
 def pvt_rounding(bench: ProofRig) -> Check:
     """Measure PVT segments of fractional ms; the carriage oscillates by ten counts."""
     if holds_another(bench.client, PROGRAM):
-        return unproven(["pvt_rounding"])[0]  # somebody else's program is there
+        return list_missing_tests(["pvt_rounding"])[0]  # somebody else's program is there
     value = bench.client.numbers(COUNTER, again=True)[0]
     try:
         _load(bench)
@@ -146,7 +146,7 @@ def compensation_edge(bench: ProofRig) -> Check:
     cleared = bench.correction(target)
     bench.delete(target)
     found = ", ".join(digits(value) for value in (on, kept, cleared))
-    holds = _near(on, FLAT_COUNTS) and _near(kept, FLAT_COUNTS) and _near(cleared, 0.0)
+    holds = _is_near(on, FLAT_COUNTS) and _is_near(kept, FLAT_COUNTS) and _is_near(cleared, 0.0)
     return proof("compensation_edge", holds=holds, found=found, wanted=f"{FLAT_COUNTS:g}, {FLAT_COUNTS:g}, 0")
 
 
@@ -158,14 +158,14 @@ def table_zero(bench: ProofRig) -> Check:
     table = spindle_table(bench, target, span, (0, 100 * ENTRY))
     found = _correction(bench, table)
     wanted = table.correction(here)
-    return proof("table_zero", holds=_near(found, wanted), found=digits(found), wanted=digits(wanted))
+    return proof("table_zero", holds=_is_near(found, wanted), found=digits(found), wanted=digits(wanted))
 
 
 def roll_over(bench: ProofRig) -> Check:
     """Test that a source beyond the span is folded into it."""
     target, here = bench.motor("carriage"), bench.position(bench.motor("spindle"))
     if abs(here) < LEAST_TURNED:
-        return unproven(["roll_over"])[0]
+        return list_missing_tests(["roll_over"])[0]
     span = max(16, int(abs(here) / 2.4))
     table = spindle_table(bench, target, span, (10 * ENTRY, 30 * ENTRY, 20 * ENTRY, 0))
     found, wanted = _correction(bench, table), table.correction(here)
@@ -207,10 +207,10 @@ def _correction(bench: ProofRig, table: CompensationTable) -> float:
 def spindle_table(bench: ProofRig, target: int, span: int, entries: tuple[int, ...]) -> CompensationTable:
     """Return a table by the spindle; `entries` are in sixteenths of a count."""
     sources = (TableSource(bench.motor("spindle"), span),)
-    return TableDefinition(motor=target, sources=sources, target=target, columns=len(entries)).filled(entries)
+    return TableDefinition(motor=target, sources=sources, target=target, columns=len(entries)).fill_table(entries)
 
 
-def _near(found: float, wanted: float) -> bool:
+def _is_near(found: float, wanted: float) -> bool:
     return abs(found - wanted) <= SAME_COUNTS
 
 
@@ -264,20 +264,20 @@ def _load(bench: ProofRig) -> None:
     text = _OSCILLATION.format(
         program=PROGRAM, letter=axis.axis, step=step, pvt=PVT_MS, counter=COUNTER, pairs=PAIRS
     )
-    bench.client.download(signed(text).splitlines())
+    bench.client.download(sign_program(text).splitlines())
 
 
 def _run(bench: ProofRig) -> float:
     """Run the program; return how long it took, ms."""
     bench.move(f"&1B{PROGRAM}R")
     began_s = bench.clock.now_s()
-    while not _arrived(bench) and bench.clock.now_s() - began_s < REST_TIMEOUT_S:
+    while not _has_arrived(bench) and bench.clock.now_s() - began_s < REST_TIMEOUT_S:
         bench.settle(POLL_S)
-    bench.moving = not _arrived(bench)
+    bench.moving = not _has_arrived(bench)
     return (bench.clock.now_s() - began_s) * 1000.0
 
 
-def _arrived(bench: ProofRig) -> bool:
+def _has_arrived(bench: ProofRig) -> bool:
     (digits_,) = bench.client.query("&1??", again=True)
     flags = decode(digits_, bench.dialect.system_bits)
     motor = bench.flags(bench.motor("carriage"))
@@ -301,7 +301,7 @@ CLOSED: tuple[Proof, ...] = (pvt_rounding,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Proven:
+class TestOutcome:
     """The test results, and the measured stops."""
 
     checks: tuple[Check, ...]
@@ -315,7 +315,7 @@ def prove(
     verification: Verification,
     owner: float | None = None,
     owner_seen: Callable[[float], None] = lambda _: None,
-) -> Proven:
+) -> TestOutcome:
     """Run all tests that a cut relies on; the drives are killed before and afterwards.
 
     `owner` is the number of the console that controls the machine, None for the owner at the beginning. When
@@ -330,10 +330,12 @@ def prove(
     """
     judged = verification.judged
     names = names_of(judged.machine)
-    busy = verification.state.enabled or judged.configuration.tables or "gathering" in verification.state.card
+    busy = (
+        verification.state.enabled_motors or judged.configuration.tables or "gathering" in verification.state.card
+    )
     if busy or worst(verification.checks) is Severity.REFUSAL:
         first = Check(Group.PROOFS, "proofs_refused", Severity.REFUSAL)
-        return Proven(checks=(first, *unproven(names)))
+        return TestOutcome(checks=(first, *list_missing_tests(names)))
     if owner is None:
         (owner,) = client.numbers(f"P{OWNER}", again=True)
     bench = ProofRig(client=client, stop=stop, clock=clock, judged=judged, owner=owner, owner_seen=owner_seen)
@@ -344,7 +346,7 @@ def prove(
         checks += _stage(bench, KILLED)
         if not judged.machine.spindle.followed and not fails(checks):
             checks += _stage(bench, SPINDLE)
-            checks += _closed(bench)
+            checks += _close_loops(bench)
         if not fails(checks):
             stops = prove_stops(bench)
             checks += stops.checks
@@ -354,7 +356,7 @@ def prove(
         _refuse_changed(bench)
     done = {check.code.removeprefix("proof_").removeprefix("unproven_") for check in checks}
     missing = [name for name in names if name not in done]
-    return Proven(checks=(*checks, *unproven(missing)), stops=stops.entries)
+    return TestOutcome(checks=(*checks, *list_missing_tests(missing)), stops=stops.entries)
 
 
 def _refuse_changed(bench: ProofRig) -> None:
@@ -381,7 +383,7 @@ def _stage(bench: ProofRig, proofs: Iterable[Proof]) -> list[Check]:
     return checks
 
 
-def _closed(bench: ProofRig) -> list[Check]:
+def _close_loops(bench: ProofRig) -> list[Check]:
     for axis in bench.judged.axes:
         bench.move(f"#{axis.motor}J/")
     bench.settle()

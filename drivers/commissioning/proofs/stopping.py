@@ -12,11 +12,18 @@ from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.judged import Judged, JudgedAxis, digits, length
-from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, Begin, air_cut, air_cut_lines, lobe_ends
+from drivers.commissioning.checked_configuration import CheckedConfiguration, JudgedAxis, digits, length
+from drivers.commissioning.proofs.air_cut import (
+    PROGRAM,
+    SPINDLE_START,
+    AxisStart,
+    air_cut,
+    air_cut_lines,
+    lobe_ends,
+)
 from drivers.commissioning.proofs.bench import REASON, ProofRig, proof, stop_name
 from drivers.commissioning.reading import holds_another
-from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
+from drivers.commissioning.stop_record import PriorMotion, StopEntry, StopMethod, needed_stops
 from drivers.commissioning.verification import after_abort, after_jog_stop, jog_settings_of
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.heartbeat import Heartbeat
@@ -29,10 +36,10 @@ from drivers.pmac.heartbeat.watch import (
     LOSS_SEEN,
     NOTHING_GUARDED,
     Keeper,
-    Look,
-    Watch,
+    MotorPoll,
+    MotorWatch,
     WatchdogProof,
-    kept,
+    keep_watchdog,
     proof_problems,
     rest_s,
     rests,
@@ -47,8 +54,16 @@ MOVED_COUNTS = 1.0  # an axis that moves less than this after a stop was not mov
 QUESTION = "P0..99"  # it changes nothing, and takes a controller longer to answer than a stop takes to arrive
 
 AT_SPEED_S = 0.1  # how long a motion continues at full speed before it is stopped
-REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.WATCHDOG: 15.0}  # after a control-K the spindle coasts
-ORDER = (Way.WATCHDOG, Way.ABORT, Way.KILL)  # watchdog first: it ends what does not obey a control character
+REST_LIMIT_S = {
+    StopMethod.ABORT: 15.0,
+    StopMethod.KILL: 60.0,
+    StopMethod.WATCHDOG: 15.0,
+}  # after a control-K the spindle coasts
+ORDER = (
+    StopMethod.WATCHDOG,
+    StopMethod.ABORT,
+    StopMethod.KILL,
+)  # watchdog first: it ends what does not obey a control character
 OBEY_LIMIT_S = 0.6  # timeout for a motion to obey; by then its watchdog, which still guards it, has expired
 LEAST_SPEED = 0.75  # fraction of its speed at which a motion is at speed, from two polls over a slow line
 POLLS_FOR_SPEED = 5  # polls to reach speed: a delayed host or controller gets a little longer
@@ -67,13 +82,13 @@ class SeenStop:
     lobe in a cut, counts: between two polls it oscillates, so its distance is counted from the further end.
     """
 
-    way: Way
+    way: StopMethod
     pressed_s: float
     late_ms: float
-    polls: tuple[Look, ...]
+    polls: tuple[MotorPoll, ...]
     _: KW_ONLY
     as_meant: bool
-    origin: Origin = Origin.JOG
+    origin: PriorMotion = PriorMotion.JOG
     lobe: tuple[float, float] | None = None
     watchdog: WatchdogProof | None = None
 
@@ -91,14 +106,14 @@ class SeenStop:
         return math.inf if found is None else found - self.pressed_s
 
 
-def stop_entries(judged: Judged, seen: SeenStop) -> tuple[StopEntry, ...]:
+def stop_entries(judged: CheckedConfiguration, seen: SeenStop) -> tuple[StopEntry, ...]:
     """Return the record entries of a correct stop."""
     return tuple(_entry(judged, axis, seen) for axis in judged.driven_axes)
 
 
-def stop_checks(judged: Judged, seen: SeenStop) -> Iterator[Check]:
+def stop_checks(judged: CheckedConfiguration, seen: SeenStop) -> Iterator[Check]:
     """Check stopping distances against the computed ones; for the first watchdog timeout, also its delay."""
-    if seen.watchdog is not None and seen.origin is Origin.JOG:
+    if seen.watchdog is not None and seen.origin is PriorMotion.JOG:
         ended = "-" if seen.watchdog.ended_s is None else f"{digits(seen.watchdog.ended_s)} s"
         holds = not proof_problems(seen.watchdog)
         yield proof("heartbeat", holds=holds, found=ended, wanted=f"<= {WATCHDOG_MS / 1000.0:g} s")
@@ -115,7 +130,9 @@ def stop_checks(judged: Judged, seen: SeenStop) -> Iterator[Check]:
     yield proof(name, holds=holds, found=", ".join(found), wanted=", ".join(wanted) or "-")
 
 
-def _bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, late_ms: float) -> float:
+def _bound_counts(
+    judged: CheckedConfiguration, axis: JudgedAxis, way: StopMethod, origin: PriorMotion, late_ms: float
+) -> float:
     """Return the longest stopping distance, counts, infinite where settings do not determine it.
 
     `late_ms` is the age of the poll from which the distance is counted, when the stop was sent. Coasting after
@@ -123,21 +140,21 @@ def _bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, la
     """
     late_ms += judged.machine.controller.background_ms + LINK_LATENCY_MS
     match way, origin:
-        case Way.ABORT, Origin.JOG:
+        case StopMethod.ABORT, PriorMotion.JOG:
             return after_abort(jog_settings_of(judged, axis).speed, judged.of_motor(axis, 15), late_ms).counts
-        case Way.ABORT, Origin.CUT if axis.name == "tool":
+        case StopMethod.ABORT, PriorMotion.CUT if axis.name == "tool":
             # From one end of its lobe to the other, and the stop.
             cut = air_cut(judged.machine)
             return 2.0 * cut.amplitude + after_abort(cut.tool, judged.of_motor(axis, 15), 0.0).counts
-        case Way.ABORT, Origin.CUT:
+        case StopMethod.ABORT, PriorMotion.CUT:
             return after_abort(speed_of(judged, axis, origin), judged.of_motor(axis, 15), late_ms).counts
-        case Way.WATCHDOG, Origin.JOG:
+        case StopMethod.WATCHDOG, PriorMotion.JOG:
             return after_jog_stop(jog_settings_of(judged, axis), WATCHDOG_MS + late_ms).counts
         case _:
             return math.inf
 
 
-def _entry(judged: Judged, axis: JudgedAxis, seen: SeenStop) -> StopEntry:
+def _entry(judged: CheckedConfiguration, axis: JudgedAxis, seen: SeenStop) -> StopEntry:
     unit = unit_of(judged.machine, axis.motor)
     assert unit is not None  # every axis of the machine has one
     distance, speed = seen.counts(axis) * unit.per_count, speed_of(judged, axis, seen.origin) * unit.velocity
@@ -154,15 +171,15 @@ def _entry(judged: Judged, axis: JudgedAxis, seen: SeenStop) -> StopEntry:
     )
 
 
-def seen_speed(axis: JudgedAxis, earlier: Look, later: Look) -> float:
+def seen_speed(axis: JudgedAxis, earlier: MotorPoll, later: MotorPoll) -> float:
     """Return the speed between two polls, counts/ms."""
     passed_ms = (later.answered_s - earlier.answered_s) * 1000.0
     return abs(later.positions[axis.motor] - earlier.positions[axis.motor]) / passed_ms
 
 
-def speed_of(judged: Judged, axis: JudgedAxis, origin: Origin) -> float:
+def speed_of(judged: CheckedConfiguration, axis: JudgedAxis, origin: PriorMotion) -> float:
     """Return the speed before the stop, counts/ms; for the tool in a cut, the maximum of its lobe."""
-    if origin is Origin.CUT:
+    if origin is PriorMotion.CUT:
         return air_cut(judged.machine).speeds[axis.name]
     return jog_settings_of(judged, axis).speed
 
@@ -190,7 +207,7 @@ class MeasuredStops:
 
 
 @dataclass(kw_only=True)
-class Guarded:
+class GuardedAxes:
     """The driven axes of a controller whose heartbeat is in order. `starts` is where they were homed, counts.
 
     Every method that moves raises `DriverError`: `machine.timeout`, somebody has stopped, or the link broke.
@@ -206,11 +223,11 @@ class Guarded:
         return self.bench.judged.driven_axes
 
     @property
-    def watch(self) -> Watch:
+    def watch(self) -> MotorWatch:
         """The monitor of all their motors."""
         bench = self.bench
         motors = tuple(axis.motor for axis in self.axes)
-        return Watch(bench.client, bench.clock, bench.dialect, motors, bench.see_owner)
+        return MotorWatch(bench.client, bench.clock, bench.dialect, motors, bench.see_owner)
 
     @property
     def keeper(self) -> Keeper:
@@ -221,10 +238,10 @@ class Guarded:
         """Return the direction away from the home end, +1 or -1: the free travel."""
         return -1 if self.bench.judged.of_motor(axis, 23) > 0.0 and axis.name != "spindle" else 1
 
-    def begin(self, name: str) -> Begin:
+    def begin(self, name: str) -> AxisStart:
         """Return where an axis was homed, and the direction of free travel."""
         axis = next(each for each in self.axes if each.name == name)
-        return Begin(self.starts[name], self.inwards(axis))
+        return AxisStart(self.starts[name], self.inwards(axis))
 
     def close(self) -> None:
         """Close every loop at its present position."""
@@ -236,7 +253,7 @@ class Guarded:
     def home(self) -> None:
         """Home each axis, the tool first, so that it is retracted when another one moves."""
         for axis in sorted(self.axes, key=lambda axis: HOMING_ORDER.index(axis.name)):
-            self.starts[axis.name] = self._homed(axis)
+            self.starts[axis.name] = self._home_axis(axis)
 
     def back(self) -> None:
         """Return tool and carriage to their home positions, the tool first."""
@@ -244,25 +261,25 @@ class Guarded:
             if axis.name != "spindle":
                 self._go(f"#{axis.motor}J={format_number(self.starts[axis.name])}", axis, lambda _: True)
 
-    def _homed(self, axis: JudgedAxis) -> float:
-        def done(look: Look) -> bool:
+    def _home_axis(self, axis: JudgedAxis) -> float:
+        def done(look: MotorPoll) -> bool:
             flags = look.flags[axis.motor]
             return "home_complete" in flags and "home_search" not in flags
 
         look = self._go(f"#{axis.motor}HM", axis, done)
         return float(round(look.positions[axis.motor]))
 
-    def _go(self, line: str, axis: JudgedAxis, done: Callable[[Look], bool]) -> Look:
+    def _go(self, line: str, axis: JudgedAxis, done: Callable[[MotorPoll], bool]) -> MotorPoll:
         for _ in range(TRIES):
-            look = self._once(line, axis, done)
+            look = self._move_once(line, axis, done)
             if look is not None:
                 return look
         raise self._timeout(axis)
 
-    def _once(self, line: str, axis: JudgedAxis, done: Callable[[Look], bool]) -> Look | None:
+    def _move_once(self, line: str, axis: JudgedAxis, done: Callable[[MotorPoll], bool]) -> MotorPoll | None:
         """Move, and renew the watchdog until done; None when the controller has ended the motion."""
         bench, watch, keeper = self.bench, self.watch, self.keeper
-        polls: list[Look] = []
+        polls: list[MotorPoll] = []
         end_s = bench.clock.now_s() + TIMEOUT_S
         bench.move(f"{keeper.jog_line()} {line}")
         while not (polls and (polls[-1].lost or (rests(polls) and done(polls[-1])))):
@@ -295,24 +312,24 @@ def prove_stops(bench: ProofRig) -> MeasuredStops:
         failed = Check(Group.PROOFS, "proof_heartbeat", Severity.REFUSAL, found=found, wanted="-")
         return MeasuredStops(checks=(failed,))
     (i10,) = bench.client.numbers(f"I{SERVO_PERIOD}", again=True)
-    axes = Guarded(bench=bench, i10=i10)
+    axes = GuardedAxes(bench=bench, i10=i10)
     axes.close()
     axes.home()
     loaded = _load(bench, axes)
     try:
-        return _all(bench, axes, (Origin.JOG, Origin.CUT) if loaded else (Origin.JOG,))
+        return _measure_stops(bench, axes, (PriorMotion.JOG, PriorMotion.CUT) if loaded else (PriorMotion.JOG,))
     finally:
         if loaded:
             with suppress(DriverError):  # after a stop the program may not have ended yet
                 bench.give_back(f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
 
 
-def _all(bench: ProofRig, axes: Guarded, origins: tuple[Origin, ...]) -> MeasuredStops:
+def _measure_stops(bench: ProofRig, axes: GuardedAxes, origins: tuple[PriorMotion, ...]) -> MeasuredStops:
     needed = {(way, origin) for way, origin, _ in needed_stops(bench.judged.machine)}
     entries: list[StopEntry] = []
     checks: list[Check] = []
     for way, origin in ((way, origin) for origin in origins for way in ORDER if (way, origin) in needed):
-        seen = _measured(bench, axes, way, origin)
+        seen = _measure_stop(bench, axes, way, origin)
         checks += stop_checks(bench.judged, seen)
         if any(check.severity is Severity.REFUSAL for check in checks):
             break
@@ -322,7 +339,7 @@ def _all(bench: ProofRig, axes: Guarded, origins: tuple[Origin, ...]) -> Measure
     return MeasuredStops(entries=tuple(entries), checks=tuple(checks))
 
 
-def _load(bench: ProofRig, axes: Guarded) -> bool:
+def _load(bench: ProofRig, axes: GuardedAxes) -> bool:
     """Enter the air cut, unless somebody else's program is there; return whether it was entered."""
     if holds_another(bench.client, PROGRAM):
         return False
@@ -331,17 +348,19 @@ def _load(bench: ProofRig, axes: Guarded) -> bool:
     return True
 
 
-def _measured(bench: ProofRig, axes: Guarded, way: Way, origin: Origin) -> SeenStop:
+def _measure_stop(bench: ProofRig, axes: GuardedAxes, way: StopMethod, origin: PriorMotion) -> SeenStop:
     """Move, stop and record; repeat when this host was delayed and the controller ended the motion before."""
     for _ in range(TRIES):
         line, kept_s = _begin(bench, axes, origin)
         bench.move(line)
         before, at_speed = _at_speed(bench, axes, origin, kept_s)
         if not before.lost:
-            seen = _silence(bench, axes, before) if way is Way.WATCHDOG else _press(bench, axes, way, before)
-            lobe = lobe_ends(bench.judged.machine, axes.begin("tool")) if origin is Origin.CUT else None
+            seen = (
+                _silence(bench, axes, before) if way is StopMethod.WATCHDOG else _press(bench, axes, way, before)
+            )
+            lobe = lobe_ends(bench.judged.machine, axes.begin("tool")) if origin is PriorMotion.CUT else None
             return replace(seen, origin=origin, lobe=lobe, as_meant=seen.as_meant and at_speed)
-        _until_rest(axes, (before,), REST_LIMIT_S[Way.WATCHDOG])
+        _until_rest(axes, (before,), REST_LIMIT_S[StopMethod.WATCHDOG])
         bench.tell(f"{NOTHING_GUARDED} {LOSS_SEEN}")
         axes.close()
         axes.back()
@@ -349,10 +368,10 @@ def _measured(bench: ProofRig, axes: Guarded, way: Way, origin: Origin) -> SeenS
     raise DriverError(Problem(code="heartbeat.lapsed", where=bench.client.link.address))
 
 
-def _begin(bench: ProofRig, axes: Guarded, origin: Origin) -> tuple[str, float]:
+def _begin(bench: ProofRig, axes: GuardedAxes, origin: PriorMotion) -> tuple[str, float]:
     """Return the line that begins a motion, and how long it is kept up, s."""
     machine, keeper = bench.judged.machine, axes.keeper
-    if origin is Origin.JOG:
+    if origin is PriorMotion.JOG:
         ramps = (after_jog_stop(jog_settings_of(bench.judged, axis), 0.0).time_ms for axis in axes.axes)
         jogs = "".join(f"#{axis.motor}J{'+' if axes.inwards(axis) > 0 else '-'}" for axis in axes.axes)
         return f"{keeper.jog_line()} {jogs}", max(ramps) / 1000.0 + AT_SPEED_S
@@ -363,14 +382,14 @@ def _begin(bench: ProofRig, axes: Guarded, origin: Origin) -> tuple[str, float]:
     return f"{line} {start}", air_cut(machine).full_speed_s + AT_SPEED_S
 
 
-def _at_speed(bench: ProofRig, axes: Guarded, origin: Origin, kept_s: float) -> tuple[Look, bool]:
+def _at_speed(bench: ProofRig, axes: GuardedAxes, origin: PriorMotion, kept_s: float) -> tuple[MotorPoll, bool]:
     """Keep a motion up until it is seen at speed; return the last poll, and whether it was."""
     for _ in range(POLLS_FOR_SPEED):
-        polls = kept(axes.watch, axes.keeper, kept_s, bench.stop.check)
+        polls = keep_watchdog(axes.watch, axes.keeper, kept_s, bench.stop.check)
         at_speed = all(
             seen_speed(axis, *polls) >= LEAST_SPEED * speed_of(bench.judged, axis, origin)
             for axis in axes.axes
-            if origin is Origin.JOG or axis.name != "tool"  # in a cut it oscillates
+            if origin is PriorMotion.JOG or axis.name != "tool"  # in a cut it oscillates
         )
         if at_speed or polls[-1].lost:
             break
@@ -378,14 +397,14 @@ def _at_speed(bench: ProofRig, axes: Guarded, origin: Origin, kept_s: float) -> 
     return polls[-1], at_speed
 
 
-def _silence(bench: ProofRig, axes: Guarded, before: Look) -> SeenStop:
-    found = withhold(axes.watch, before, bench.stop.stop, REST_LIMIT_S[Way.WATCHDOG])
+def _silence(bench: ProofRig, axes: GuardedAxes, before: MotorPoll) -> SeenStop:
+    found = withhold(axes.watch, before, bench.stop.stop, REST_LIMIT_S[StopMethod.WATCHDOG])
     rested = found.at_rest_s is not None
     bench.moving = not rested
-    return SeenStop(Way.WATCHDOG, before.asked_s, 0.0, found.looks, as_meant=rested, watchdog=found)
+    return SeenStop(StopMethod.WATCHDOG, before.asked_s, 0.0, found.looks, as_meant=rested, watchdog=found)
 
 
-def _press(bench: ProofRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
+def _press(bench: ProofRig, axes: GuardedAxes, way: StopMethod, before: MotorPoll) -> SeenStop:
     """Stop by a control character, and release that stop at rest; anybody else's stop stays in force."""
     stop = bench.stop
     earlier = stop.mark or 0
@@ -395,7 +414,7 @@ def _press(bench: ProofRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
         "amplifier_enabled" in flags and "open_loop" not in flags for flags in before.flags.values()
     )
     pressed_s = bench.clock.now_s()
-    answered = _past_a_question(bench, stop.stop if way is Way.ABORT else stop.kill)
+    answered = _past_a_question(bench, stop.stop if way is StopMethod.ABORT else stop.kill)
     polls, obeyed = _until_obeyed(axes, way, before)
     if obeyed:
         bench.client.request(NOTHING_GUARDED)  # not before: what does not obey is ended by its watchdog
@@ -406,12 +425,12 @@ def _press(bench: ProofRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
         with suppress(RefusedError):
             stop.release()
         stop.check()  # what was not released is somebody else's stop
-    as_meant = answered and obeyed and rested and killed == (way is Way.KILL)
+    as_meant = answered and obeyed and rested and killed == (way is StopMethod.KILL)
     return SeenStop(way, pressed_s, (pressed_s - before.asked_s) * 1000.0, polls, as_meant=as_meant)
 
 
-def _until_obeyed(axes: Guarded, way: Way, before: Look) -> tuple[tuple[Look, ...], bool]:
-    wanted = {"open_loop"} if way is Way.KILL else {"abort_deceleration", "desired_velocity_zero"}
+def _until_obeyed(axes: GuardedAxes, way: StopMethod, before: MotorPoll) -> tuple[tuple[MotorPoll, ...], bool]:
+    wanted = {"open_loop"} if way is StopMethod.KILL else {"abort_deceleration", "desired_velocity_zero"}
     watch, polls = axes.watch, [before]
     end_s = watch.clock.now_s() + OBEY_LIMIT_S
     while watch.clock.now_s() < end_s:
@@ -424,7 +443,7 @@ def _until_obeyed(axes: Guarded, way: Way, before: Look) -> tuple[tuple[Look, ..
     return tuple(polls), False
 
 
-def _until_rest(axes: Guarded, before: tuple[Look, ...], limit_s: float) -> tuple[Look, ...]:
+def _until_rest(axes: GuardedAxes, before: tuple[MotorPoll, ...], limit_s: float) -> tuple[MotorPoll, ...]:
     watch, polls = axes.watch, list(before)
     began_s = watch.clock.now_s()
     while not rests(polls) and (passed_s := watch.clock.now_s() - began_s) < limit_s:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations, product
 
-from drivers.pmac.analysis.timeline import Step, same_motion
+from drivers.pmac.analysis.timeline import ProgramStep, same_motion
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import EvaluationError
 from drivers.pmac.language.evaluate import Variables, holds
@@ -52,7 +52,7 @@ def find_loops(program: syntax.Program, called: Iterable[syntax.Program] = ()) -
     return tuple(_loop(program, head, first, last, others) for head, first, last in _whiles(program))
 
 
-def around(loops: Iterable[Loop], line: int) -> Iterator[Loop]:
+def find_enclosing_loops(loops: Iterable[Loop], line: int) -> Iterator[Loop]:
     """Yield the loops that contain a line, from the inside out."""
     return (loop for loop in loops if loop.first <= line <= loop.last)
 
@@ -74,13 +74,13 @@ def way_out(loop: Loop, variables: Variables, degrees: bool) -> Mapping[Name, fl
             tried = [[1.0, 0.0, *(at + step for at in each for step in (1.0, -1.0, 0.0))] for each in places]
             for values in product(*tried):
                 changed = dict(zip(chosen, values, strict=True))
-                if _fails(loop.condition, _Changed(variables, changed), degrees):
+                if _fails(loop.condition, _ChangedVariables(variables, changed), degrees):
                     return changed
     return None
 
 
 @dataclass(frozen=True, slots=True)
-class _Changed:
+class _ChangedVariables:
     """Variables, some of them with other values."""
 
     under: Variables
@@ -168,7 +168,7 @@ def _fails(condition: syntax.Condition, variables: Variables, degrees: bool) -> 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turning:
+class TurningMotor:
     """The motor that turns the part, by its place in every vector, and its counts per turn."""
 
     index: int
@@ -190,7 +190,7 @@ class Circle:
 class EndlessWatch:
     """Checks every step of a walk for endless loops."""
 
-    def __init__(self, loops: Sequence[Loop], turning: Turning | None) -> None:
+    def __init__(self, loops: Sequence[Loop], turning: TurningMotor | None) -> None:
         """Take the loops of the program that is started."""
         self._endless = tuple(loop for loop in loops if loop.endless)
         self._loops = tuple(loops)
@@ -198,16 +198,16 @@ class EndlessWatch:
         self._recurrence = _Recurrence()
         self._rounds: dict[tuple[Loop | None, tuple[int, ...]], _Rounds] = {}
 
-    def look(self, steps: Sequence[Step], written: Written) -> Circle | None:
+    def look(self, steps: Sequence[ProgramStep], written: Written) -> Circle | None:
         """Return the endless loop that the program is in, once it has been watched for long enough."""
         newest = steps[-1]
-        loop = next(around(self._loops, newest.main_line), None)
-        if loop is not None and any(around(self._endless, newest.main_line)):
+        loop = next(find_enclosing_loops(self._loops, newest.main_line), None)
+        if loop is not None and any(find_enclosing_loops(self._endless, newest.main_line)):
             # A line of an inner loop, which ends by itself, recurs within one pass.
             return self._pass(steps, loop) if loop.endless else None
         return self._pass(steps, loop) if self._recurrence.has_come_again(newest.place, written) else None
 
-    def _pass(self, steps: Sequence[Step], loop: Loop | None) -> Circle | None:
+    def _pass(self, steps: Sequence[ProgramStep], loop: Loop | None) -> Circle | None:
         # Which of the places in a loop recurs shows in time: each is counted by itself.
         rounds = self._rounds.setdefault((loop, steps[-1].place), _Rounds())
         rounds.starts.append(len(steps) - 1)
@@ -219,11 +219,11 @@ class EndlessWatch:
             first, second, third = (start + 1 for start in rounds.starts[-3:])
             repeats = same_motion(steps[second:third], steps[first:second])
         rounds.steady = rounds.steady + 1 if repeats else 0
-        if rounds.steady >= STEADY_PASSES and self._turned(steps, rounds):
+        if rounds.steady >= STEADY_PASSES and self._has_turned(steps, rounds):
             return Circle(loop=loop, period=rounds.starts[-1] - rounds.starts[-2], passes=passes)
         return Circle(loop=loop, period=None, passes=passes) if passes >= MOST_PASSES else None
 
-    def _turned(self, steps: Sequence[Step], rounds: _Rounds) -> bool:
+    def _has_turned(self, steps: Sequence[ProgramStep], rounds: _Rounds) -> bool:
         """Return whether the spindle stands, or has made its turns since the motion repeats."""
         if self._turning is None:
             return True

@@ -10,7 +10,16 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Said, Sentence, Subject, Value, finding, sentence
+from drivers.pmac.analysis.findings import (
+    ExplanationSentence,
+    FindingCode,
+    ProgramFinding,
+    Sentence,
+    Subject,
+    Value,
+    finding,
+    sentence,
+)
 from drivers.pmac.analysis.moves import RAMPED, MoveAnalysis
 from drivers.pmac.analysis.timeline import SAME_COUNTS
 from drivers.pmac.analysis.units import shown_length
@@ -48,14 +57,14 @@ class ZigZag:
         return abs(self.move.motors[self.index].commanded)
 
     @property
-    def made(self) -> float:
+    def made_stroke(self) -> float:
         """The actual stroke, counts."""
         return abs(self.move.motors[self.index].made)
 
     @property
-    def kept(self) -> float:
+    def kept_fraction(self) -> float:
         """The fraction of the stroke that is made."""
-        return self.made / self.stroke
+        return self.made_stroke / self.stroke
 
 
 def find_zigzag(subject: Subject) -> ZigZag | None:
@@ -89,38 +98,42 @@ def explain(subject: Subject, zigzag: ZigZag | None) -> tuple[Sentence, ...]:
     if zigzag is None:
         return ()
     stretched = zigzag.move.used.tm_ms > zigzag.move.asked.tm_ms * (1.0 + 1e-9)
-    if zigzag.kept >= KEPT_ENOUGH and not stretched:
+    if zigzag.kept_fraction >= KEPT_ENOUGH and not stretched:
         return ()
     tm_ms = zigzag.move.asked.tm_ms
-    stroke, made = _length(subject, zigzag, zigzag.stroke), _length(subject, zigzag, zigzag.made)
+    stroke, made = _length(subject, zigzag, zigzag.stroke), _length(subject, zigzag, zigzag.made_stroke)
     if _believable(subject, zigzag):
-        sentences = [sentence(Said.TOLD, **stroke, tm_ms=tm_ms, hz=500.0 / tm_ms)]
+        sentences = [sentence(ExplanationSentence.TOLD, **stroke, tm_ms=tm_ms, hz=500.0 / tm_ms)]
     else:
-        sentences = [sentence(Said.TOLD_WITHOUT_TIME, **stroke, tm_ms=tm_ms)]
+        sentences = [sentence(ExplanationSentence.TOLD_WITHOUT_TIME, **stroke, tm_ms=tm_ms)]
     sentences += _times(subject, zigzag, stretched)
     made_lengths = {f"made_{key}": value for key, value in made.items()}
-    sentences.append(sentence(Said.STROKE_MADE, **stroke, **made_lengths, percent=100.0 * zigzag.kept))
+    sentences.append(
+        sentence(ExplanationSentence.STROKE_MADE, **stroke, **made_lengths, percent=100.0 * zigzag.kept_fraction)
+    )
     if zigzag.index == subject.tool:
-        sentences += _left(subject, zigzag)
+        sentences += _explain_residual(subject, zigzag)
     return (*sentences, *_advice(subject, zigzag, stretched))
 
 
 def _times(subject: Subject, zigzag: ZigZag, stretched: bool) -> list[Sentence]:
     asked, used = zigzag.move.asked, zigzag.move.used
-    sentences = [sentence(Said.ACCELERATION_TIME, ta_ms=asked.ta_ms, ts_ms=asked.ts_ms, used_ms=used.ta_ms)]
+    sentences = [
+        sentence(ExplanationSentence.ACCELERATION_TIME, ta_ms=asked.ta_ms, ts_ms=asked.ts_ms, used_ms=used.ta_ms)
+    ]
     if not stretched:
         return sentences
     hz = 500.0 / used.tm_ms
-    sentences.append(sentence(Said.MOVE_STRETCHED, asked_ms=asked.tm_ms, used_ms=used.tm_ms, hz=hz))
+    sentences.append(sentence(ExplanationSentence.MOVE_STRETCHED, asked_ms=asked.tm_ms, used_ms=used.tm_ms, hz=hz))
     spindle = subject.spindle
     way = zigzag.move.motors[spindle].commanded if spindle is not None and spindle != zigzag.index else 0.0
     if not way:
         return sentences
     rpm = subject.rpm(way / used.tm_ms)
     if not _believable(subject, zigzag):
-        return [*sentences, sentence(Said.SPEED_MADE, hz=hz, rpm=rpm)]
+        return [*sentences, sentence(ExplanationSentence.SPEED_MADE, hz=hz, rpm=rpm)]
     slowed = sentence(
-        Said.SLOWED_DOWN,
+        ExplanationSentence.SLOWED_DOWN,
         hz=hz,
         rpm=rpm,
         asked_hz=500.0 / asked.tm_ms,
@@ -130,15 +143,15 @@ def _times(subject: Subject, zigzag: ZigZag, stretched: bool) -> list[Sentence]:
     return [*sentences, slowed]
 
 
-def _left(subject: Subject, zigzag: ZigZag) -> list[Sentence]:
+def _explain_residual(subject: Subject, zigzag: ZigZag) -> list[Sentence]:
     """State the residual on a part whose lobe is the commanded stroke: by the path alone, then with the servo."""
     stroke_um, hz = subject.um(zigzag.stroke), 500.0 / zigzag.move.used.tm_ms
-    lost_um = stroke_um - subject.um(zigzag.made)
+    lost_um = stroke_um - subject.um(zigzag.made_stroke)
     percent = 100.0 * lost_um / stroke_um
     response = complex(sampled_response(subject.machine, hz))
     left = abs(1.0 - _fundamental(subject, zigzag) * response)
     servo = sentence(
-        Said.LEFT_WITH_THE_SERVO,
+        ExplanationSentence.LEFT_WITH_THE_SERVO,
         hz=hz,
         gain=abs(response),
         late_deg=-math.degrees(cmath.phase(response)),
@@ -146,7 +159,10 @@ def _left(subject: Subject, zigzag: ZigZag) -> list[Sentence]:
         stroke_um=stroke_um,
         percent=100.0 * left,
     )
-    return [sentence(Said.LEFT_BY_BLENDING, left_um=lost_um, stroke_um=stroke_um, percent=percent), servo]
+    return [
+        sentence(ExplanationSentence.LEFT_BY_BLENDING, left_um=lost_um, stroke_um=stroke_um, percent=percent),
+        servo,
+    ]
 
 
 def _fundamental(subject: Subject, zigzag: ZigZag) -> float:
@@ -166,16 +182,18 @@ def _advice(subject: Subject, zigzag: ZigZag, stretched: bool) -> list[Sentence]
     sentences = []
     if stretched and believable:
         ta_ms, ts_ms = math.floor(tm_ms), math.floor(0.5 * tm_ms)
-        sentences.append(sentence(Said.TIMES_FOR_THE_SPEED, tm_ms=tm_ms, ta_ms=ta_ms, ts_ms=ts_ms))
+        sentences.append(sentence(ExplanationSentence.TIMES_FOR_THE_SPEED, tm_ms=tm_ms, ta_ms=ta_ms, ts_ms=ts_ms))
     best = _best_times(subject, zigzag, tm_ms)
     if best is not None:
         percent = 100.0 * (1.0 - best.ta_ms / (2.0 * tm_ms))
         times = {"ta_ms": best.ta_ms, "ts_ms": 0.0, "tm_ms": tm_ms, "percent": percent}
-        sentences.append(sentence(Said.TIMES_FOR_THE_STROKE, **times))
-    if zigzag.kept < KEPT_ENOUGH:
-        stroke, longer = zigzag.stroke, zigzag.stroke / zigzag.kept
+        sentences.append(sentence(ExplanationSentence.TIMES_FOR_THE_STROKE, **times))
+    if zigzag.kept_fraction < KEPT_ENOUGH:
+        stroke, longer = zigzag.stroke, zigzag.stroke / zigzag.kept_fraction
         values = _length(subject, zigzag, stroke)
-        sentences.append(sentence(Said.STROKE_THAT_MAKES_UP, **values, counts=stroke, longer_counts=longer))
+        sentences.append(
+            sentence(ExplanationSentence.STROKE_THAT_MAKES_UP, **values, counts=stroke, longer_counts=longer)
+        )
     return sentences
 
 
@@ -193,13 +211,13 @@ def _best_times(subject: Subject, zigzag: ZigZag, tm_ms: float) -> Timing | None
     )
     timing = effective_timing(LinearMove(distance=way, ta_ms=ta_ms, ts_ms=0.0, tm_ms=tm_ms), before, limits)
     longer = replace(timing, ta_ms=float(math.ceil(timing.ta_ms - 1e-9)))
-    better = 1.0 - longer.ta_ms / (2.0 * tm_ms) > zigzag.kept + _WORTH_SAYING
+    better = 1.0 - longer.ta_ms / (2.0 * tm_ms) > zigzag.kept_fraction + _WORTH_SAYING
     return longer if better and math.isclose(timing.tm_ms, tm_ms) else None
 
 
 def timing_findings(subject: Subject) -> list[ProgramFinding]:
     """Return the findings about times; alike ones of several lines are merged."""
-    grouped: dict[str, tuple[Code, dict[str, Value], list[MoveAnalysis]]] = {}
+    grouped: dict[str, tuple[FindingCode, dict[str, Value], list[MoveAnalysis]]] = {}
     for move in subject.moves:
         if move.mode in RAMPED:
             for code, values in _of_move(subject, move):
@@ -217,26 +235,26 @@ def rounding_findings(subject: Subject, text: ProgramText) -> list[ProgramFindin
     for number, program in programs.items():
         for line, statements in enumerate(program):
             for word in (statement for statement in statements if isinstance(statement, Set)):
-                values = _rounded(subject, word)
+                values = _compare_rounded_time(subject, word)
                 if values:
-                    findings.append(finding(Code.TIME_ROUNDED, (subject.place_of(number, line),), **values))
+                    findings.append(finding(FindingCode.TIME_ROUNDED, (subject.place_of(number, line),), **values))
     return findings
 
 
-def _of_move(subject: Subject, move: MoveAnalysis) -> Iterator[tuple[Code, dict[str, Value]]]:
+def _of_move(subject: Subject, move: MoveAnalysis) -> Iterator[tuple[FindingCode, dict[str, Value]]]:
     asked, used = move.asked, move.used
     acceleration_ms = max(asked.ta_ms, 2.0 * asked.ts_ms)
     if acceleration_ms > asked.ta_ms:
-        yield Code.S_CURVE_RULES, {"ta_ms": asked.ta_ms, "ts_ms": asked.ts_ms, "used_ms": acceleration_ms}
+        yield FindingCode.S_CURVE_RULES, {"ta_ms": asked.ta_ms, "ts_ms": asked.ts_ms, "used_ms": acceleration_ms}
     least_ms = interrupt_ms(subject)
     if move.by_move_time and 0.0 < asked.tm_ms < least_ms:
-        yield Code.TIME_BELOW_INTERRUPT, {"tm_ms": asked.tm_ms, "interrupt_ms": least_ms}
+        yield FindingCode.TIME_BELOW_INTERRUPT, {"tm_ms": asked.tm_ms, "interrupt_ms": least_ms}
     if _longer(used.tm_ms, asked.tm_ms) and asked.tm_ms > 0.0:
         yield _stretch(subject, move, acceleration_ms)
     if _longer(used.ta_ms, acceleration_ms) and not _longer(used.tm_ms, asked.tm_ms):
-        yield Code.RAMP_LENGTHENED, {"ta_ms": acceleration_ms, "used_ms": used.ta_ms}
+        yield FindingCode.RAMP_LENGTHENED, {"ta_ms": acceleration_ms, "used_ms": used.ta_ms}
     if _longer(acceleration_ms, used.ta_ms):
-        yield Code.RAMP_SHORTENED, {"ta_ms": acceleration_ms, "used_ms": used.ta_ms}
+        yield FindingCode.RAMP_SHORTENED, {"ta_ms": acceleration_ms, "used_ms": used.ta_ms}
 
 
 def interrupt_ms(subject: Subject) -> float:
@@ -245,19 +263,19 @@ def interrupt_ms(subject: Subject) -> float:
     return (variables.i(8) + 1.0) * servo_cycle_ms(variables.i(10))
 
 
-def _stretch(subject: Subject, move: MoveAnalysis, acceleration_ms: float) -> tuple[Code, dict[str, Value]]:
+def _stretch(subject: Subject, move: MoveAnalysis, acceleration_ms: float) -> tuple[FindingCode, dict[str, Value]]:
     """Return why a move takes longer than commanded."""
     times: dict[str, Value] = {"asked_ms": move.asked.tm_ms, "used_ms": move.used.tm_ms}
     if math.isclose(move.used.tm_ms, acceleration_ms, rel_tol=1e-9):
-        return Code.STRETCHED, times
+        return FindingCode.STRETCHED, times
     for motor in move.motors:
         limit = subject.setting(motor.motor, 16)
         if limit > 0.0 and math.isclose(abs(motor.commanded) / limit, move.used.tm_ms, rel_tol=1e-9):
-            return Code.STRETCHED_BY_VELOCITY, {**times, "variable": f"I{motor.motor}16", "limit": limit}
-    return Code.STRETCHED_BY_ACCELERATION, times
+            return FindingCode.STRETCHED_BY_VELOCITY, {**times, "variable": f"I{motor.motor}16", "limit": limit}
+    return FindingCode.STRETCHED_BY_ACCELERATION, times
 
 
-def _key(code: Code, values: dict[str, Value]) -> str:
+def _key(code: FindingCode, values: dict[str, Value]) -> str:
     """Return the key by which findings are merged: numbers that differ only by rounding are equal."""
     return " ".join([code, *(value if isinstance(value, str) else f"{value:.9g}" for value in values.values())])
 
@@ -266,7 +284,7 @@ def _longer(one_ms: float, other_ms: float) -> bool:
     return one_ms > other_ms * (1.0 + 1e-9)
 
 
-def _rounded(subject: Subject, word: Set) -> dict[str, Value]:
+def _compare_rounded_time(subject: Subject, word: Set) -> dict[str, Value]:
     """Return the commanded and the actual value, nothing if they are equal."""
     if word.word not in ("TA", "TS", "PVT"):
         return {}

@@ -17,7 +17,7 @@ Value = float | str
 FEWEST_TOOL_MOVES = 2  # Tool moves, with the spindle turning, that make a cut
 
 
-class Code(StrEnum):
+class FindingCode(StrEnum):
     """Every finding."""
 
     LINE_REFUSED = auto()
@@ -63,7 +63,7 @@ class Code(StrEnum):
     NO_MOTION = auto()
 
 
-class Said(StrEnum):
+class ExplanationSentence(StrEnum):
     """Every sentence of the explanation."""
 
     TOLD = auto()
@@ -82,26 +82,26 @@ class Said(StrEnum):
 
 _REFUSALS = frozenset(
     (
-        Code.LINE_REFUSED,
-        Code.WORD_ABSENT,
-        Code.TABLE_ORDER,
-        Code.RUN_TIME_ERROR,
-        Code.BEYOND_LIMIT,
-        Code.BEYOND_TRAVEL,
-        Code.TOO_FAST,
-        Code.PLUNGE,
+        FindingCode.LINE_REFUSED,
+        FindingCode.WORD_ABSENT,
+        FindingCode.TABLE_ORDER,
+        FindingCode.RUN_TIME_ERROR,
+        FindingCode.BEYOND_LIMIT,
+        FindingCode.BEYOND_TRAVEL,
+        FindingCode.TOO_FAST,
+        FindingCode.PLUNGE,
     )
 )
 _NOTICES = frozenset(
     (
-        Code.ENDS_DEEPER,
-        Code.S_CURVE_RULES,
-        Code.RAMP_LENGTHENED,
-        Code.RAMP_SHORTENED,
-        Code.TIME_ROUNDED,
-        Code.ONE_SIDED,
-        Code.WAITS_FOR_FLAG,
-        Code.NO_MOTION,
+        FindingCode.ENDS_DEEPER,
+        FindingCode.S_CURVE_RULES,
+        FindingCode.RAMP_LENGTHENED,
+        FindingCode.RAMP_SHORTENED,
+        FindingCode.TIME_ROUNDED,
+        FindingCode.ONE_SIDED,
+        FindingCode.WAITS_FOR_FLAG,
+        FindingCode.NO_MOTION,
     )
 )
 
@@ -113,7 +113,7 @@ class ProgramFinding:
     `lines` are those of the file, from 1, none where it is about the whole program.
     """
 
-    code: Code
+    code: FindingCode
     lines: tuple[int, ...] = ()
     values: Mapping[str, Value] = field(default_factory=dict)
 
@@ -132,16 +132,16 @@ class ProgramFinding:
 class Sentence:
     """One sentence of an explanation."""
 
-    code: Said
+    code: ExplanationSentence
     values: Mapping[str, Value] = field(default_factory=dict)
 
 
-def finding(code: Code, lines: tuple[int, ...] = (), /, **values: Value) -> ProgramFinding:
+def finding(code: FindingCode, lines: tuple[int, ...] = (), /, **values: Value) -> ProgramFinding:
     """Return a finding with its numbers in the order in which the JSON lists them."""
     return ProgramFinding(code=code, lines=lines, values=values)
 
 
-def sentence(code: Said, /, **values: Value) -> Sentence:
+def sentence(code: ExplanationSentence, /, **values: Value) -> Sentence:
     """Return a sentence with its numbers in the order in which the JSON lists them."""
     return Sentence(code=code, values=values)
 

@@ -11,11 +11,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from drivers.pmac.analysis.timeline import SAME_COUNTS, Peaks, Step, Timeline
+from drivers.pmac.analysis.timeline import SAME_COUNTS, Peaks, ProgramStep, Timeline
 from drivers.pmac.analysis.walk import Walk
 from drivers.pmac.requests import CircleRequest, LinearRequest, PvtRequest, RapidRequest, Request, SplineRequest
 from drivers.pmac.trajectory.linear import Timing
-from drivers.pmac.trajectory.planned import MoveRecord
+from drivers.pmac.trajectory.planned_pieces import MoveRecord
 
 LONGEST_PATTERN = 48  # Length of the longest stretch that is searched for, in moves
 
@@ -49,7 +49,7 @@ class MotorMove:
     peaks: Peaks
 
     @property
-    def lost(self) -> float:
+    def lost_distance(self) -> float:
         """The distance by which the motion was shorter than commanded; below 0 it was longer."""
         return abs(self.commanded) - abs(self.made)
 
@@ -84,7 +84,7 @@ class _Nominal:
     """
 
     place: int
-    step: Step
+    step: ProgramStep
     record: MoveRecord
     mode: str
     used: Timing
@@ -157,11 +157,11 @@ def _nominal(walk: Walk) -> list[_Nominal]:
     for place, step in enumerate(walk.steps):
         if step.planned.record is not None:
             before = nominal[-1] if nominal and nominal[-1].place == place - 1 else None
-            nominal.append(_lain(place, step, step.planned.record, before))
+            nominal.append(_time_move(place, step, step.planned.record, before))
     return nominal
 
 
-def _lain(place: int, step: Step, record: MoveRecord, before: _Nominal | None) -> _Nominal:
+def _time_move(place: int, step: ProgramStep, record: MoveRecord, before: _Nominal | None) -> _Nominal:
     """Return the timing of a move; `before` is the previous move, when nothing separates them."""
     mode, used = _MODES[type(step.request)], record.timing or record.asked
     ramp_ms = used.ta_ms if mode in RAMPED else 0.0
@@ -199,7 +199,7 @@ def _blends(before: _Nominal, mode: str, begins_ms: float) -> bool:
     return alike and not stopped and abs(begins_ms - before.ends_ms) < _TOUCHING_MS
 
 
-def _jog_begins_ms(step: Step) -> float:
+def _jog_begins_ms(step: ProgramStep) -> float:
     """Return when the jog of a RAPID step begins: at its last rest, after the end of the previous motion."""
     instant = step.ends_ms
     for piece in reversed(step.planned.pieces):
@@ -249,10 +249,10 @@ def fold(moves: Sequence[MoveAnalysis]) -> tuple[Fold, ...]:
 def _best(moves: Sequence[MoveAnalysis], place: int) -> tuple[int, int]:
     best = (1, 1)
     for length in range(1, min(LONGEST_PATTERN, (len(moves) - place) // 2) + 1):
-        if not _alike(moves[place], moves[place + length]):
+        if not _is_same_move(moves[place], moves[place + length]):
             continue
         end = place + length
-        while end < len(moves) and _alike(moves[end], moves[end - length]):
+        while end < len(moves) and _is_same_move(moves[end], moves[end - length]):
             end += 1
         times = (end - place) // length
         if times > 1 and length * times > best[0] * best[1]:
@@ -260,16 +260,16 @@ def _best(moves: Sequence[MoveAnalysis], place: int) -> tuple[int, int]:
     return best
 
 
-def _alike(one: MoveAnalysis, other: MoveAnalysis) -> bool:
+def _is_same_move(one: MoveAnalysis, other: MoveAnalysis) -> bool:
     """Return whether two moves are the same except for their start."""
-    labels, numbers = _described(one)
-    other_labels, other_numbers = _described(other)
+    labels, numbers = _describe_move(one)
+    other_labels, other_numbers = _describe_move(other)
     return labels == other_labels and all(
         math.isclose(a, b, rel_tol=_SAME, abs_tol=_SAME) for a, b in zip(numbers, other_numbers, strict=True)
     )
 
 
-def _described(move: MoveAnalysis) -> tuple[tuple[object, ...], list[float]]:
+def _describe_move(move: MoveAnalysis) -> tuple[tuple[object, ...], list[float]]:
     """Return what must be equal of two like moves, and what must be close."""
     peaks = [motor.peaks for motor in move.motors]
     numbers = [ms for timing in (move.asked, move.used) for ms in (timing.ta_ms, timing.ts_ms, timing.tm_ms)]

@@ -21,17 +21,17 @@ from drivers.pmac.analysis.explanation import (
     rounding_findings,
     timing_findings,
 )
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Subject, Value, finding, moves
+from drivers.pmac.analysis.findings import FindingCode, ProgramFinding, Sentence, Subject, Value, finding, moves
 from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis, analyse_moves
-from drivers.pmac.analysis.start import Start, start_counts, start_of
+from drivers.pmac.analysis.start import StartPositions, start_counts, start_of
 from drivers.pmac.analysis.synchronism import synchronism_findings
 from drivers.pmac.analysis.tables import table_findings
 from drivers.pmac.analysis.timeline import SAME_COUNTS, Timeline
 from drivers.pmac.analysis.units import shown_length
-from drivers.pmac.analysis.walk import Ending, Left, walk
+from drivers.pmac.analysis.walk import LoopExit, WalkEnding, walk
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import TableOrderError
-from drivers.pmac.dialect import DIALECTS, Setting
+from drivers.pmac.dialect import DIALECTS, FamilySetting
 from drivers.pmac.language.evaluate import BY_ZERO, NO_VALUE, REMAINDER_BY_ZERO
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.preprocessor import Include
@@ -51,28 +51,28 @@ def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Pro
     if walk.error is not None:
         lines = (subject.place_of(walk.steps[-1].program, walk.steps[-1].line),)
         error, number = str(walk.error), int(walk.error.code)
-        findings.append(finding(Code.RUN_TIME_ERROR, lines, error=error, number=number))
+        findings.append(finding(FindingCode.RUN_TIME_ERROR, lines, error=error, number=number))
     for each in walk.substitutes:
         place = subject.place_of(each.program, each.line) if each.program else each.line
         findings.append(_without_result(place, each.detail))
     findings += [_endless(subject, left) for left in walk.left]
-    if walk.ending is Ending.TOO_LONG:
-        findings.append(finding(Code.TOO_LONG, steps=len(walk.steps)))
+    if walk.ending is WalkEnding.TOO_LONG:
+        findings.append(finding(FindingCode.TOO_LONG, steps=len(walk.steps)))
     if not subject.moves:
-        findings.append(finding(Code.NO_MOTION))
+        findings.append(finding(FindingCode.NO_MOTION))
     return findings
 
 
 def _without_result(place: int, detail: str) -> ProgramFinding:
     if detail == BY_ZERO:
-        return finding(Code.DIVIDED_BY_ZERO, (place,), error=detail)
+        return finding(FindingCode.DIVIDED_BY_ZERO, (place,), error=detail)
     what = "x%0" if detail == REMAINDER_BY_ZERO else detail.removesuffix(NO_VALUE)
-    return finding(Code.NO_RESULT, (place,), error=detail, what=what)
+    return finding(FindingCode.NO_RESULT, (place,), error=detail, what=what)
 
 
 def refused_findings(refused: Iterable[RefusedLine]) -> list[ProgramFinding]:
     """Return the lines of a text that the controller refuses, as findings."""
-    return [_refused(line) for line in refused]
+    return [_line_refused_finding(line) for line in refused]
 
 
 _ABSENT = (
@@ -111,17 +111,19 @@ def absent_word(text: str, detail: str) -> str:
     return ""
 
 
-def _refused(line: RefusedLine) -> ProgramFinding:
+def _line_refused_finding(line: RefusedLine) -> ProgramFinding:
     values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.text}
     if isinstance(line.error, TableOrderError):
-        return finding(Code.TABLE_ORDER, (line.place,), **values, motor=line.error.motor, lower=line.error.lower)
+        return finding(
+            FindingCode.TABLE_ORDER, (line.place,), **values, motor=line.error.motor, lower=line.error.lower
+        )
     word = absent_word(line.text, line.error.detail)
     if word:
-        return finding(Code.WORD_ABSENT, (line.place,), **values, word=word)
-    return finding(Code.LINE_REFUSED, (line.place,), **values)
+        return finding(FindingCode.WORD_ABSENT, (line.place,), **values, word=word)
+    return finding(FindingCode.LINE_REFUSED, (line.place,), **values)
 
 
-def _endless(subject: Subject, left: Left) -> ProgramFinding:
+def _endless(subject: Subject, left: LoopExit) -> ProgramFinding:
     """Report a loop: one that moves is an endless cut; one that does not waits for an input."""
     loop, steps = left.circle.loop, subject.walk.steps
     first, last = (loop.first, loop.last) if loop is not None else (left.line, left.line)
@@ -130,10 +132,12 @@ def _endless(subject: Subject, left: Left) -> ProgramFinding:
     passes = sum(step.place == steps[left.step].place for step in steps[: left.step + 1])
     values: dict[str, Value] = {"passes": passes, "repeats": left.circle.period is not None}
     if not left.flags:
-        return finding(Code.ENDLESS_WITHOUT_FLAG, lines, **values)
+        return finding(FindingCode.ENDLESS_WITHOUT_FLAG, lines, **values)
     flags = ", ".join(f"{kind}{index}={value:g}" for (kind, index), value in left.flags.items())
     moving = any(first <= steps[move.step].main_line <= last for move in subject.moves)
-    return finding(Code.ENDLESS_LOOP if moving else Code.WAITS_FOR_FLAG, lines, **values, flags=flags)
+    return finding(
+        FindingCode.ENDLESS_LOOP if moving else FindingCode.WAITS_FOR_FLAG, lines, **values, flags=flags
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,7 +148,7 @@ class ProgramCheck:
     """
 
     number: int
-    start: Start
+    start: StartPositions
     motors: tuple[int, ...]
     moves: tuple[MoveAnalysis, ...]
     places: tuple[int, ...]
@@ -213,7 +217,7 @@ def path_findings(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFindin
     """Return the problems of the motors' paths."""
     findings = [*_lost_strokes(subject), *_one_sided(subject, zigzag), *_straight_circles(subject)]
     # The end of a program is known only when it was followed to its end.
-    return [*findings, *_end(subject)] if subject.walk.ending is Ending.FINISHED else findings
+    return [*findings, *_end(subject)] if subject.walk.ending is WalkEnding.FINISHED else findings
 
 
 def _lost_strokes(subject: Subject) -> list[ProgramFinding]:
@@ -222,20 +226,22 @@ def _lost_strokes(subject: Subject) -> list[ProgramFinding]:
     for before, move in pairwise(subject.moves):
         for index, motor in enumerate(move.motors):
             if motor.turns and before.motors[index].turns and before.blended:
-                grouped.setdefault((index, _rounded(abs(motor.commanded))), []).append((move, motor))
+                grouped.setdefault((index, _round_counts(abs(motor.commanded))), []).append((move, motor))
     findings = []
     for (index, stroke), found in grouped.items():
-        made = [_rounded(abs(motor.made)) for _, motor in found]
+        made = [_round_counts(abs(motor.made)) for _, motor in found]
         usual = max(set(made), key=made.count)
         if stroke > SAME_COUNTS and usual < KEPT_ENOUGH * stroke:
-            findings.append(_lost(subject, index, stroke, usual, [move for move, _ in found]))
+            findings.append(_stroke_lost_finding(subject, index, stroke, usual, [move for move, _ in found]))
     return findings
 
 
-def _lost(subject: Subject, index: int, stroke: float, made: float, found: list[MoveAnalysis]) -> ProgramFinding:
+def _stroke_lost_finding(
+    subject: Subject, index: int, stroke: float, made: float, found: list[MoveAnalysis]
+) -> ProgramFinding:
     motor = subject.walk.motors[index]
     return finding(
-        Code.STROKE_LOST,
+        FindingCode.STROKE_LOST,
         subject.lines(found),
         motor=motor,
         stroke_counts=stroke,
@@ -257,7 +263,7 @@ def _one_sided(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFinding]:
         "middle_counts": first.target - 0.5 * first.commanded,
         "deeper_um": subject.um(0.5 * first.commanded),
     }
-    return [finding(Code.ONE_SIDED, subject.lines(zigzag.moves), **values)]
+    return [finding(FindingCode.ONE_SIDED, subject.lines(zigzag.moves), **values)]
 
 
 def _straight_circles(subject: Subject) -> list[ProgramFinding]:
@@ -266,8 +272,8 @@ def _straight_circles(subject: Subject) -> list[ProgramFinding]:
     found = [move for move in subject.moves if move.mode == "CIRCLE" and steps[move.step].segment_ms <= 0.0]
     if not found:
         return []
-    variable = f"I{subject.walk.variables.dialect.index(Setting.SEGMENT_MS)}"
-    return [finding(Code.CIRCLE_STRAIGHT, subject.lines(found), moves=len(found), variable=variable)]
+    variable = f"I{subject.walk.variables.dialect.index(FamilySetting.SEGMENT_MS)}"
+    return [finding(FindingCode.CIRCLE_STRAIGHT, subject.lines(found), moves=len(found), variable=variable)]
 
 
 def _end(subject: Subject) -> list[ProgramFinding]:
@@ -289,7 +295,7 @@ def _plunge(subject: Subject, tool: int) -> list[ProgramFinding]:
         return []
     per_mm = subject.machine.tool.counts_per_mm
     mm, deeper_mm = motor.commanded / per_mm, (motor.target - deepest) / per_mm
-    return [finding(Code.PLUNGE, subject.lines([last]), counts=motor.commanded, mm=mm, deeper_mm=deeper_mm)]
+    return [finding(FindingCode.PLUNGE, subject.lines([last]), counts=motor.commanded, mm=mm, deeper_mm=deeper_mm)]
 
 
 def _left_deeper(subject: Subject, tool: int) -> list[ProgramFinding]:
@@ -307,10 +313,10 @@ def _left_deeper(subject: Subject, tool: int) -> list[ProgramFinding]:
     ]
     last = walk.steps[max(commanded + homed)]
     lines = (subject.place_of(last.program, last.line),)
-    return [finding(Code.ENDS_DEEPER, lines, counts=deeper, mm=deeper / subject.machine.tool.counts_per_mm)]
+    return [finding(FindingCode.ENDS_DEEPER, lines, counts=deeper, mm=deeper / subject.machine.tool.counts_per_mm)]
 
 
-def _rounded(counts: float) -> float:
+def _round_counts(counts: float) -> float:
     """Return a distance without arithmetic rounding, so that like distances are equal."""
     return float(f"{counts:.9g}")
 
@@ -333,7 +339,9 @@ def _position(subject: Subject, index: int, motor: int) -> list[ProgramFinding]:
         if limit and beyond * (reached - limit) > _ROUNDING * abs(limit):
             first = [move for move in subject.moves if beyond * (move.motors[index].target - limit) > 0.0][:1]
             lines, name = subject.lines(first), f"I{motor}{number}"
-            found = finding(Code.BEYOND_LIMIT, lines, motor=motor, variable=name, counts=reached, limit=limit)
+            found = finding(
+                FindingCode.BEYOND_LIMIT, lines, motor=motor, variable=name, counts=reached, limit=limit
+            )
             findings.append(found)
     return findings
 
@@ -347,7 +355,7 @@ def _velocity(subject: Subject, index: int, motor: int) -> list[ProgramFinding]:
         return []
     most, lines = max(speed for speed, _ in fast), subject.lines(move for _, move in fast)
     variable = f"I{motor}16"
-    return [finding(Code.TOO_FAST, lines, motor=motor, variable=variable, counts_per_ms=most, limit=limit)]
+    return [finding(FindingCode.TOO_FAST, lines, motor=motor, variable=variable, counts_per_ms=most, limit=limit)]
 
 
 def _tool(subject: Subject) -> list[ProgramFinding]:
@@ -366,8 +374,8 @@ def _tool(subject: Subject) -> list[ProgramFinding]:
 
     fastest = tool.encoder_max_acceleration_m_per_s2
     return [
-        *_above(subject, index, Code.ACCELERATION_OVER_ENCODER, acceleration_m_per_s2, fastest),
-        *_above(subject, index, Code.FORCE_OVER_DRIVE, force_n, tool.peak_force_n),
+        *_find_values_above(subject, index, FindingCode.ACCELERATION_OVER_ENCODER, acceleration_m_per_s2, fastest),
+        *_find_values_above(subject, index, FindingCode.FORCE_OVER_DRIVE, force_n, tool.peak_force_n),
         *_travel(subject, index, per_mm, (tool.travel_min_mm, tool.travel_max_mm)),
     ]
 
@@ -384,8 +392,8 @@ def _spindle(subject: Subject) -> list[ProgramFinding]:
         return spindle.inertia_kg_m2 * motor.peaks.acceleration / spindle.counts_per_rev * 1e6 * math.tau
 
     return [
-        *_above(subject, index, Code.SPEED_OVER_SPINDLE, speed_rpm, spindle.max_speed_rpm),
-        *_above(subject, index, Code.TORQUE_OVER_SPINDLE, torque_n_m, spindle.peak_torque_n_m),
+        *_find_values_above(subject, index, FindingCode.SPEED_OVER_SPINDLE, speed_rpm, spindle.max_speed_rpm),
+        *_find_values_above(subject, index, FindingCode.TORQUE_OVER_SPINDLE, torque_n_m, spindle.peak_torque_n_m),
     ]
 
 
@@ -411,12 +419,14 @@ def _travel(subject: Subject, index: int, per_mm: float, limits_mm: tuple[float,
             targets = ((move.motors[index].target / per_mm, move) for move in subject.moves)
             first = [move for target_mm, move in targets if beyond * (target_mm - limit_mm) > 0.0][:1]
             lines = subject.lines(first)
-            findings.append(finding(Code.BEYOND_TRAVEL, lines, motor=motor, mm=reached_mm, limit_mm=limit_mm))
+            findings.append(
+                finding(FindingCode.BEYOND_TRAVEL, lines, motor=motor, mm=reached_mm, limit_mm=limit_mm)
+            )
     return findings
 
 
-def _above(
-    subject: Subject, index: int, code: Code, quantity: Callable[[MotorMove], float], limit: float
+def _find_values_above(
+    subject: Subject, index: int, code: FindingCode, quantity: Callable[[MotorMove], float], limit: float
 ) -> list[ProgramFinding]:
     high = [move for move in subject.moves if _over(quantity(move.motors[index]), limit)]
     if not high:

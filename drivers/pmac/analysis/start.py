@@ -23,7 +23,7 @@ _COMMENT = re.compile(rf"\s*;\s*starts at((?:\s+{_WORD})+)\s*", re.IGNORECASE | 
 _GIVEN = re.compile(rf"\s*([{''.join(AXIS_LETTERS)}])\s*=\s*({_NUMBER})\s*", re.IGNORECASE | re.ASCII)
 
 
-class Source(StrEnum):
+class StartSource(StrEnum):
     """The source of a program's start position."""
 
     HOME = auto()
@@ -32,11 +32,11 @@ class Source(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Start:
+class StartPositions:
     """The `positions` of every axis; `line` is that of the comment which states them, from 1."""
 
     positions: Mapping[str, float]
-    source: Source
+    source: StartSource
     line: int | None = None
 
     def __str__(self) -> str:
@@ -63,7 +63,9 @@ def start_comment(definitions: Iterable[AxisDefinition], counts: Mapping[int, fl
     return f"; starts at {_words(axis_positions(by_motor, counts))}"
 
 
-def start_of(text: str, definitions: Iterable[AxisDefinition], given: Mapping[str, float] | None) -> Start:
+def start_of(
+    text: str, definitions: Iterable[AxisDefinition], given: Mapping[str, float] | None
+) -> StartPositions:
     """Return where a program starts: as `given`, else by the first such comment of its text, else at home.
 
     Raises DriverError: `program.start_axis`, no motor drives that axis; `program.start_too_far`.
@@ -71,19 +73,19 @@ def start_of(text: str, definitions: Iterable[AxisDefinition], given: Mapping[st
     by_motor = {definition.motor: definition for definition in definitions}
     home = axis_positions(by_motor, dict.fromkeys(by_motor, 0.0))
     if given is not None:
-        start = Start(positions=given, source=Source.OPERATOR)
+        start = StartPositions(positions=given, source=StartSource.OPERATOR)
     else:
-        start = Start(positions={}, source=Source.HOME)
+        start = StartPositions(positions={}, source=StartSource.HOME)
         for line, row in enumerate(text.splitlines(), start=1):
             if found := _COMMENT.fullmatch(row):
                 positions = {word[0].upper(): float(word[1:]) for word in found[1].split()}
-                start = Start(positions=positions, source=Source.COMMENT, line=line)
+                start = StartPositions(positions=positions, source=StartSource.COMMENT, line=line)
                 break
     for axis in start.positions:
         if axis not in home:
             limit = ", ".join(sorted(home)) or "-"
             raise DriverError(Problem(code="program.start_axis", value=axis, limit=limit))
-    whole = Start(positions=home | dict(start.positions), source=start.source, line=start.line)
+    whole = StartPositions(positions=home | dict(start.positions), source=start.source, line=start.line)
     for motor, counts in start_counts(by_motor.values(), whole).items():
         if abs(counts) > FARTHEST_COUNTS:
             value, limit = f"{counts:.0f} counts", f"{FARTHEST_COUNTS:.0f} counts"
@@ -91,7 +93,7 @@ def start_of(text: str, definitions: Iterable[AxisDefinition], given: Mapping[st
     return whole
 
 
-def start_counts(definitions: Iterable[AxisDefinition], start: Start) -> dict[int, float]:
+def start_counts(definitions: Iterable[AxisDefinition], start: StartPositions) -> dict[int, float]:
     """Return the motor positions at the start, counts by motor; one of inverse kinematics is at home."""
     return {each.motor: 0.0 if each.inverse else each.counts(start.positions) for each in definitions}
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from drivers.pmac.analysis.endless import STEADY_TURNS
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Subject, finding, moves
+from drivers.pmac.analysis.findings import FindingCode, ProgramFinding, Subject, finding, moves
 from drivers.pmac.analysis.moves import RAMPED
 from drivers.pmac.analysis.timeline import Timeline, turning_points
 from drivers.pmac.requests import BlendBreak, DwellRequest, Halt
@@ -34,13 +34,13 @@ def synchronism_findings(subject: Subject) -> list[ProgramFinding]:
     """Return what disturbs the synchronism of tool and spindle in the cut."""
     if not subject.cut:
         return []
-    return [*_stops(subject), *_feedrate(subject), *_speed(subject), *_drift(subject)]
+    return [*_stops(subject), *_feedrate(subject), *_check_speed(subject), *_drift(subject)]
 
 
 def _stops(subject: Subject) -> list[ProgramFinding]:
     """Find DWELL, or a blend that breaks, between the first and the last move of the cut."""
     inside = subject.walk.steps[subject.cut[0].step : subject.cut[-1].step]
-    kinds = {Code.DWELL_IN_CUT: DwellRequest, Code.STOP_IN_CUT: BlendBreak | Halt}
+    kinds = {FindingCode.DWELL_IN_CUT: DwellRequest, FindingCode.STOP_IN_CUT: BlendBreak | Halt}
     findings = []
     for code, kind in kinds.items():
         steps = [step for step in inside if isinstance(step.request, kind)]
@@ -57,10 +57,12 @@ def _feedrate(subject: Subject) -> list[ProgramFinding]:
         return []
     times = [move.asked.tm_ms for move in by_feed]
     lines = subject.lines(by_feed)
-    return [finding(Code.FEEDRATE_IN_CUT, lines, moves=len(by_feed), least_ms=min(times), most_ms=max(times))]
+    return [
+        finding(FindingCode.FEEDRATE_IN_CUT, lines, moves=len(by_feed), least_ms=min(times), most_ms=max(times))
+    ]
 
 
-def _speed(subject: Subject) -> list[ProgramFinding]:
+def _check_speed(subject: Subject) -> list[ProgramFinding]:
     """Check that the spindle turns evenly while the tool moves; the first and the last such move do not count."""
     tool, spindle = subject.tool, subject.spindle
     assert tool is not None and spindle is not None
@@ -74,7 +76,7 @@ def _speed(subject: Subject) -> list[ProgramFinding]:
     usual = sorted(speeds)[len(speeds) // 2]
     pairs = zip(together, speeds, strict=True)
     lines = subject.lines(move for move, rpm in pairs if abs(rpm - usual) > SPEED_TOLERANCE * abs(usual))
-    return [finding(Code.SPEED_CHANGES, lines, slowest_rpm=slowest, fastest_rpm=fastest, usual_rpm=usual)]
+    return [finding(FindingCode.SPEED_CHANGES, lines, slowest_rpm=slowest, fastest_rpm=fastest, usual_rpm=usual)]
 
 
 def _drift(subject: Subject) -> list[ProgramFinding]:
@@ -84,7 +86,7 @@ def _drift(subject: Subject) -> list[ProgramFinding]:
     lines = subject.lines(subject.cut)
     per_turn = round(lobes.per_turn)
     if not per_turn or abs(lobes.per_turn - per_turn) > _WHOLE:
-        return [finding(Code.NO_WHOLE_LOBES, lines, lobes=lobes.per_turn)]
+        return [finding(FindingCode.NO_WHOLE_LOBES, lines, lobes=lobes.per_turn)]
     # One turn later the tool is where it was when the spindle has made the angle of `per_turn` lobes.
     drift_deg = 360.0 * (per_turn / lobes.per_turn - 1.0)
     if abs(drift_deg) < DRIFT_DEG:
@@ -97,7 +99,7 @@ def _drift(subject: Subject) -> list[ProgramFinding]:
         "useless_after_turns": turns,
         "useless_after_s": 60.0 * turns / abs(lobes.speed_rpm),
     }
-    return [finding(Code.DRIFT, lines, **values)]
+    return [finding(FindingCode.DRIFT, lines, **values)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

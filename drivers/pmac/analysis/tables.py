@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Subject, Value, finding
+from drivers.pmac.analysis.findings import FindingCode, ProgramFinding, Subject, Value, finding
 from drivers.pmac.analysis.timeline import SAME_COUNTS
 from drivers.pmac.analysis.units import shown_length, unit_of
 from drivers.pmac.analysis.watched_variables import COMPENSATION
@@ -47,7 +47,7 @@ def table_findings(subject: Subject, text: ProgramText) -> list[ProgramFinding]:
         if table is None:
             entries, wanted = len(sent.entries), sent.definition.entry_count
             findings.append(
-                finding(Code.TABLE_UNFILLED, (sent.place,), motor=motor, entries=entries, wanted=wanted)
+                finding(FindingCode.TABLE_UNFILLED, (sent.place,), motor=motor, entries=entries, wanted=wanted)
             )
             continue
         complete.append(table)
@@ -57,7 +57,7 @@ def table_findings(subject: Subject, text: ProgramText) -> list[ProgramFinding]:
             values = _length(subject, target, entry / PARTS_PER_COUNT)
             lines = (sent.last_place,)
             findings.append(
-                finding(Code.TABLE_LAST_ENTRY, lines, motor=motor, target=target, entry=entry, **values)
+                finding(FindingCode.TABLE_LAST_ENTRY, lines, motor=motor, target=target, entry=entry, **values)
             )
     if complete:
         findings += _throws(subject, complete, _switchings(subject, text)[:MOST_SWITCHES])
@@ -98,7 +98,7 @@ def _throws(
     subject: Subject, tables: Sequence[CompensationTable], switchings: Iterable[_Switching]
 ) -> list[ProgramFinding]:
     """Return, for each target and line, the greatest step."""
-    moved = _moved(subject)
+    moved = _find_moved_motors(subject)
     held: Mapping[int, _Range] = {}
     worst: dict[tuple[int, int], float] = {}
     for switching in switchings:
@@ -121,7 +121,7 @@ def _throws(
     for (target, place), counts in worst.items():
         if counts * PARTS_PER_COUNT >= 1.0:
             known = unit_of(subject.machine, target) is not None
-            code = Code.TABLE_THROWS if known else Code.TABLE_THROWS_OTHER
+            code = FindingCode.TABLE_THROWS if known else FindingCode.TABLE_THROWS_OTHER
             findings.append(finding(code, (place,), motor=target, **_length(subject, target, counts)))
     return findings
 
@@ -144,7 +144,7 @@ def _whereabouts(subject: Subject, motor: int, step: int, moved: frozenset[int])
     return high if high - low <= SAME_COUNTS else (low, high)
 
 
-def _moved(subject: Subject) -> frozenset[int]:
+def _find_moved_motors(subject: Subject) -> frozenset[int]:
     """Return the motors whose position the program determines: those that it moves or homes."""
     walk, timeline = subject.walk, subject.timeline
     moved = {

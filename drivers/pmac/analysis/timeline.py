@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from drivers.pmac.requests import Request
 from drivers.pmac.trajectory.pieces import Cubic, Piece, Vector, position_at, velocity_at
-from drivers.pmac.trajectory.planned import Planned
+from drivers.pmac.trajectory.planned_pieces import PlannedPieces
 
 SAME_COUNTS = 1e-6  # Motions that differ by less are the same within rounding
 
@@ -42,15 +42,15 @@ class Timeline:
 
     def position(self, index: int, instant_ms: float) -> float:
         """Return the position of the motor at place `index`; before the start and after the end it is at rest."""
-        cubic, inside_ms = self._at(index, instant_ms)
+        cubic, inside_ms = self._cubic_at(index, instant_ms)
         return position_at(cubic, inside_ms)
 
     def velocity(self, index: int, instant_ms: float) -> float:
         """Return the velocity of a motor, counts/ms."""
-        cubic, inside_ms = self._at(index, instant_ms)
+        cubic, inside_ms = self._cubic_at(index, instant_ms)
         return velocity_at(cubic, inside_ms)
 
-    def _at(self, index: int, instant_ms: float) -> tuple[Cubic, float]:
+    def _cubic_at(self, index: int, instant_ms: float) -> tuple[Cubic, float]:
         """Return the cubic of a motor at an instant, and the time inside it."""
         place = self._place(instant_ms)
         piece = self.pieces[place]
@@ -59,7 +59,7 @@ class Timeline:
     def extent(self, index: int, from_ms: float, to_ms: float) -> tuple[float, float]:
         """Return the lowest and the highest position of a motor between two instants."""
         values = [self.position(index, from_ms), self.position(index, to_ms)]
-        for piece, begin_ms, end_ms in self._between(from_ms, to_ms):
+        for piece, begin_ms, end_ms in self._pieces_between(from_ms, to_ms):
             cubic = piece.cubics[index]
             turning = (t for t in turning_points(cubic) if begin_ms < t < end_ms)
             values += [position_at(cubic, t) for t in (begin_ms, end_ms, *turning)]
@@ -69,7 +69,7 @@ class Timeline:
         """Return the greatest velocity, acceleration and jerk of a motor between two instants."""
         velocity = acceleration = jerk = jump = 0.0
         before = self._acceleration_before(index, from_ms)
-        for piece, begin_ms, end_ms in self._between(from_ms, to_ms):
+        for piece, begin_ms, end_ms in self._pieces_between(from_ms, to_ms):
             cubic = piece.cubics[index]
             velocity = max(velocity, *(abs(velocity_at(cubic, t)) for t in _fastest(cubic, begin_ms, end_ms)))
             first, last = acceleration_at(cubic, begin_ms), acceleration_at(cubic, end_ms)
@@ -93,7 +93,7 @@ class Timeline:
     def _place(self, instant_ms: float) -> int:
         return max(0, bisect_right(self.begins_ms, instant_ms) - 1)
 
-    def _between(self, from_ms: float, to_ms: float) -> Iterator[tuple[Piece, float, float]]:
+    def _pieces_between(self, from_ms: float, to_ms: float) -> Iterator[tuple[Piece, float, float]]:
         """Yield the pieces that touch a stretch, each with the part of it that lies inside, from its own start."""
         for place in range(self._place(from_ms), len(self.pieces)):
             piece, begins_ms = self.pieces[place], self.begins_ms[place]
@@ -128,7 +128,7 @@ def _fastest(cubic: Cubic, begin_ms: float, end_ms: float) -> tuple[float, ...]:
     return (begin_ms, end_ms, instant) if begin_ms < instant < end_ms else (begin_ms, end_ms)
 
 
-class Step(NamedTuple):
+class ProgramStep(NamedTuple):
     """One request of a program with its motion, from `begins_ms` to `ends_ms`; the motors are then `at` (counts).
 
     `line` is that of `program`, `main_line` that of the program that was started, which may have called it.
@@ -142,7 +142,7 @@ class Step(NamedTuple):
     place: tuple[int, ...]
     request: Request
     by_move_time: bool
-    planned: Planned
+    planned: PlannedPieces
     segment_ms: float
     begins_ms: float
     ends_ms: float
@@ -158,15 +158,15 @@ class Step(NamedTuple):
         return instant_ms
 
 
-def same_motion(one: Sequence[Step], other: Sequence[Step]) -> bool:
+def same_motion(one: Sequence[ProgramStep], other: Sequence[ProgramStep]) -> bool:
     """Return whether two stretches come from the same lines and move alike, wherever they begin."""
     if [(step.program, step.line) for step in one] != [(step.program, step.line) for step in other]:
         return False
     first, second = ([piece for step in steps for piece in step.planned.pieces] for steps in (one, other))
-    return len(first) == len(second) and all(map(_alike, first, second))
+    return len(first) == len(second) and all(map(_is_same_cubic, first, second))
 
 
-def _alike(one: Piece, other: Piece) -> bool:
+def _is_same_cubic(one: Piece, other: Piece) -> bool:
     time_ms = one.duration_ms
     if abs(time_ms - other.duration_ms) > SAME_COUNTS * time_ms:
         return False

@@ -14,11 +14,11 @@ from enum import StrEnum, auto
 from functools import partial
 from typing import NamedTuple
 
-from drivers.pmac.analysis.endless import Circle, EndlessWatch, Name, Turning, find_loops, way_out
-from drivers.pmac.analysis.timeline import Step
+from drivers.pmac.analysis.endless import Circle, EndlessWatch, Name, TurningMotor, find_loops, way_out
+from drivers.pmac.analysis.timeline import ProgramStep
 from drivers.pmac.analysis.watched_variables import COMPENSATION, WatchedVariables
 from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins, refuse_inverse
-from drivers.pmac.dialect import PMAC, Dialect, Setting
+from drivers.pmac.dialect import PMAC, Dialect, FamilySetting
 from drivers.pmac.execution.kinematics import kinematics_of, with_kinematics
 from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.run import ProgramRun
@@ -27,16 +27,16 @@ from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.structure import link
 from drivers.pmac.language.syntax import Assign
 from drivers.pmac.program_text import ProgramText
-from drivers.pmac.requests import Finished, HomeRequest, PresetRequest, Request, TriggerRequest
+from drivers.pmac.requests import EndOfProgram, HomeRequest, PresetRequest, Request, TriggerRequest
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, position_at
-from drivers.pmac.trajectory.planned import Event, Planned
+from drivers.pmac.trajectory.planned_pieces import Event, PlannedPieces
 from drivers.pmac.trajectory.planner import MotionPlanner
 from drivers.pmac.variables import VariableStore
 
 MOST_STEPS = 20_000  # Maximum number of program requests in a walk
 
 
-class Ending(StrEnum):
+class WalkEnding(StrEnum):
     """How a walk ended: after the last line, with a run-time error, in an endless loop, or too long."""
 
     FINISHED = auto()
@@ -46,7 +46,7 @@ class Ending(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Left:
+class LoopExit:
     """An endless loop: left by setting `flags` after step number `step`; without flags it was not left."""
 
     circle: Circle
@@ -88,9 +88,9 @@ class Walk:
     number: int
     motors: tuple[int, ...]
     start: Vector
-    steps: tuple[Step, ...]
-    left: tuple[Left, ...]
-    ending: Ending
+    steps: tuple[ProgramStep, ...]
+    left: tuple[LoopExit, ...]
+    ending: WalkEnding
     error: PmacError | None
     variables: VariableStore
     compensated: bool = False
@@ -144,8 +144,8 @@ def settle(text: ProgramText, variables: VariableStore, substitutes: dict[Substi
             variables.set(statement.target.kind, index, value)
 
 
-class _Taken(NamedTuple):
-    """A request, and the state of the program when it was calculated: the first half of a `Step`."""
+class _CalculatedRequest(NamedTuple):
+    """A request, and the state of the program when it was calculated: the first half of a `ProgramStep`."""
 
     program: int
     line: int
@@ -162,7 +162,7 @@ class _WatchedRun(ProgramRun):
         self, text: ProgramText, variables: VariableStore, positions: Mapping[str, float], watched: bool
     ) -> None:
         self._watched = watched
-        self.taken: deque[_Taken] = deque()
+        self.taken: deque[_CalculatedRequest] = deque()
         self.switches: list[Switch] = []
         self.substitutes: dict[Substitute, None] = {}
         self._requests = 0
@@ -192,7 +192,9 @@ class _WatchedRun(ProgramRun):
     def take(self, request: Request) -> None:
         """Keep a request."""
         place, by_move_time = self.place() if self._watched else (), self._own_modes.by_move_time
-        self.taken.append(_Taken(self.program, self.line, self.first_line, place, request, by_move_time))
+        self.taken.append(
+            _CalculatedRequest(self.program, self.line, self.first_line, place, request, by_move_time)
+        )
         self._requests += 1
 
 
@@ -219,22 +221,22 @@ class _Walker:
             text, variables, self._positions(self._definitions, self._start), self._written is not None
         )
         self._planner = MotionPlanner(self._run, self._definitions, variables, self._start)
-        self._segment_index = variables.dialect.index(Setting.SEGMENT_MS, 1)
-        self._steps: list[Step] = []
-        self._left: list[Left] = []
+        self._segment_index = variables.dialect.index(FamilySetting.SEGMENT_MS, 1)
+        self._steps: list[ProgramStep] = []
+        self._left: list[LoopExit] = []
 
     def walk(self, counts_per_turn: Mapping[int, float], most_steps: int) -> Walk:
         turning = None
         for index, motor in enumerate(d.motor for d in self._definitions):
             if motor in counts_per_turn:
-                turning = Turning(index=index, counts=counts_per_turn[motor])
+                turning = TurningMotor(index=index, counts=counts_per_turn[motor])
         loops = find_loops(self._text.program, self._text.subprograms.values())
         error = None
         try:
             ending = self._to_the_end(partial(EndlessWatch, loops, turning), most_steps)
         except PmacError as fault:
-            ending, error = Ending.ERROR, fault
-        if ending is not Ending.FINISHED:
+            ending, error = WalkEnding.ERROR, fault
+        if ending is not WalkEnding.FINISHED:
             self._halt()
         return Walk(
             number=self._text.number,
@@ -250,19 +252,19 @@ class _Walker:
             substitutes=(*self._settled, *self._run.substitutes),
         )
 
-    def _to_the_end(self, new_watch: Callable[[], EndlessWatch], most_steps: int) -> Ending:
+    def _to_the_end(self, new_watch: Callable[[], EndlessWatch], most_steps: int) -> WalkEnding:
         watch = new_watch()
         while len(self._steps) < most_steps:
             planned = self._planner.plan()
             self._add(planned)
             if planned.finished:
-                return Ending.FINISHED
+                return WalkEnding.FINISHED
             circle = None if self._written is None else watch.look(self._steps, self._written)
             if circle is not None:
                 if not self._leave(circle):
-                    return Ending.ENDLESS
+                    return WalkEnding.ENDLESS
                 watch = new_watch()
-        return Ending.TOO_LONG
+        return WalkEnding.TOO_LONG
 
     def _leave(self, circle: Circle) -> bool:
         """Set the flag that ends a loop; a loop that did not end after being left once is not tried again."""
@@ -273,10 +275,10 @@ class _Walker:
             flags = way_out(circle.loop, self._variables, self._variables.i(15) == 0.0) or {}
         for (kind, index), value in flags.items():
             self._variables.set(kind, index, value)
-        self._left.append(Left(circle=circle, line=line, step=len(self._steps) - 1, flags=flags))
+        self._left.append(LoopExit(circle=circle, line=line, step=len(self._steps) - 1, flags=flags))
         return bool(flags)
 
-    def _add(self, planned: Planned) -> None:
+    def _add(self, planned: PlannedPieces) -> None:
         before = self._steps[-1] if self._steps else None
         begins_ms = ends_ms = before.ends_ms if before else 0.0
         at = before.at if before else self._start
@@ -287,14 +289,14 @@ class _Walker:
         if planned.event is not None:
             at = self._carry_out(planned.event, at)
         segment_ms = self._variables.i(self._segment_index)
-        self._steps.append(Step(*self._run.taken.popleft(), planned, segment_ms, begins_ms, ends_ms, at))
+        self._steps.append(ProgramStep(*self._run.taken.popleft(), planned, segment_ms, begins_ms, ends_ms, at))
 
     def _carry_out(self, event: Event, at: Vector) -> Vector:
         """Do what the program waits for: homing succeeds at zero, no trigger comes, a STOP is resumed."""
         definitions = self._definitions
         if isinstance(event, HomeRequest):
             at = tuple(0.0 if d.motor in event.motors else p for d, p in zip(definitions, at, strict=True))
-        shifted = tuple(d.shifted(self._origins) for d in definitions)
+        shifted = tuple(d.shift_origins(self._origins) for d in definitions)
         if isinstance(event, TriggerRequest):
             moved = [not event.moving.isdisjoint(d.axes) for d in shifted]
             ends = [d.counts(event.targets) for d in shifted]
@@ -302,7 +304,7 @@ class _Walker:
         if isinstance(event, PresetRequest):
             refuse_inverse(definitions, "PSET")
             self._origins = preset_origins(self._origins, self._positions(shifted, at), event.positions)
-            shifted = tuple(d.shifted(self._origins) for d in definitions)
+            shifted = tuple(d.shift_origins(self._origins) for d in definitions)
         self._planner.relocate(at, shifted)
         self._run.relocate(self._positions(shifted, at))
         return at
@@ -314,6 +316,6 @@ class _Walker:
     def _halt(self) -> None:
         """Let the motion stop where the walk ends."""
         self._run.taken.clear()
-        self._run.take(Finished())
+        self._run.take(EndOfProgram())
         rates = tuple(self._variables.motor(d.motor, 15) for d in self._definitions)
-        self._add(Planned(pieces=self._planner.halt(rates), finished=True))
+        self._add(PlannedPieces(pieces=self._planner.halt(rates), finished=True))

@@ -68,7 +68,7 @@ class TableDefinition:
         """Number of entries that follow the definition."""
         return (self.rows + 1) * (self.columns + 1) - 1
 
-    def filled(self, entries: Sequence[int]) -> CompensationTable:
+    def fill_table(self, entries: Sequence[int]) -> CompensationTable:
         """Return the table with these entries, sixteenths of a count in the order in which they are sent."""
         return CompensationTable(definition=self, entries=tuple(entries))
 
@@ -104,7 +104,7 @@ class CompensationTable:
         ]
         if not len(positions_counts) == len(places) == len(definition.sources):
             raise ValueError(f"{len(positions_counts)} positions for {len(definition.sources)} sources")
-        return self.at(*places)
+        return self.correction_at(*places)
 
     def corrections(self, tracks_counts: Sequence[list[float]]) -> list[float]:
         """Return the corrections along tracks of the sources, each as `correction` returns it."""
@@ -123,7 +123,7 @@ class CompensationTable:
             found.append(low + (line[left + 1] - low) * (column - left))
         return found
 
-    def at(self, column: float, row: float = 0.0) -> float:
+    def correction_at(self, column: float, row: float = 0.0) -> float:
         """Return the correction at a place of the grid, in spacings; its ends belong to their last interval."""
         left = min(int(column), self.definition.columns - 1)
         fraction = column - left
@@ -159,7 +159,7 @@ def correction_range(table: CompensationTable, positions_counts: Sequence[Wherea
         _turning_places(where, source.span_counts, size)
         for where, source, size in zip(positions_counts, definition.sources, sizes, strict=False)
     ]
-    found = [table.at(*place) for place in product(*places)]
+    found = [table.correction_at(*place) for place in product(*places)]
     return min(found), max(found)
 
 

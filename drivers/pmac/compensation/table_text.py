@@ -97,7 +97,7 @@ def read_table(lines: Iterable[str], motor_count: int) -> CompensationTable:
     if len(entries) != definition.entry_count:
         detail = f"{len(entries)} entries; DEFINE COMP asks for {definition.entry_count}"
         raise PmacError(ErrorCode.DATA_ERROR, detail)
-    return definition.filled(entries)
+    return definition.fill_table(entries)
 
 
 def table_lines(table: CompensationTable) -> list[str]:
@@ -169,11 +169,11 @@ class TextTable:
     def table(self) -> CompensationTable | None:
         """The table, None when entries are missing: then it corrects nothing."""
         full = len(self.entries) == self.definition.entry_count
-        return self.definition.filled(self.entries) if full else None
+        return self.definition.fill_table(self.entries) if full else None
 
 
 @dataclass(slots=True)
-class _Waiting:
+class _PendingTable:
     """A definition whose entries are being read; one that the controller has refused is skipped."""
 
     definition: TableDefinition
@@ -186,26 +186,26 @@ class _Waiting:
     def missing(self) -> int:
         return self.definition.entry_count - len(self.entries)
 
-    def kept(self) -> TextTable:
+    def to_table(self) -> TextTable:
         return TextTable(
             definition=self.definition, entries=tuple(self.entries), place=self.place, last_place=self.last_place
         )
 
 
-class TableReader:
+class CompensationTableReader:
     """Extracts the table lines from a text, tracking the motor that was addressed last, initially #1."""
 
     def __init__(self, motor_count: int = MOST_MOTORS) -> None:
         self._motor_count = motor_count
         self._motor = 1
         self._tables: dict[int, TextTable] = {}
-        self._waiting: _Waiting | None = None
+        self._waiting: _PendingTable | None = None
 
     @property
     def tables(self) -> tuple[TextTable, ...]:
         """The tables that the controller holds after the text, in the order of their definition."""
         waiting = self._waiting
-        return (*self._tables.values(), *([waiting.kept()] if waiting and not waiting.refused else []))
+        return (*self._tables.values(), *([waiting.to_table()] if waiting and not waiting.refused else []))
 
     def take_entries(self, scanner: Scanner, place: int) -> bool:
         """Consume a line of entries; False when no table expects one, or it is another line.
@@ -252,7 +252,7 @@ class TableReader:
 
     def _define(self, definition: TableDefinition, place: int) -> None:
         self._settle()
-        waiting = _Waiting(definition, place, place)
+        waiting = _PendingTable(definition, place, place)
         self._waiting = waiting
         refuse_definition(definition, self._tables, (), definition.entry_count)
         waiting.refused = False
@@ -266,4 +266,4 @@ class TableReader:
         """Finish the previous table: it gets no more entries."""
         waiting, self._waiting = self._waiting, None
         if waiting is not None and not waiting.refused:
-            self._tables[waiting.definition.motor] = waiting.kept()
+            self._tables[waiting.definition.motor] = waiting.to_table()

@@ -66,14 +66,14 @@ class Arguments:
         words = self.calling.words
         if self.taken == len(words):
             return None
-        word = _lettered(words[self.taken])
+        word = _read_letter_argument(words[self.taken])
         if word is None or word[0] not in letters:
             return None
         self.taken += 1
         return word
 
 
-def _lettered(statement: Statement) -> tuple[str, Expression] | None:
+def _read_letter_argument(statement: Statement) -> tuple[str, Expression] | None:
     match statement:
         case Move(words):
             return words[0].axis, words[0].value

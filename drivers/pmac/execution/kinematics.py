@@ -15,9 +15,9 @@ from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.listing import StoredLine, stored_line
-from drivers.pmac.language.structure import Code, link
+from drivers.pmac.language.structure import ExecutableProgram, link
 from drivers.pmac.language.syntax import Line, VariableKind
-from drivers.pmac.requests import Finished
+from drivers.pmac.requests import EndOfProgram
 from drivers.pmac.variables import VariableStore
 
 VELOCITY_FLAG, VELOCITIES, MOTOR_VELOCITIES = 10, 10, 100  # Q10; Q11 is that of A, P101 that of motor 1
@@ -30,7 +30,9 @@ _CALCULATES = (syntax.Assign, syntax.While, syntax.If, syntax.Else, syntax.EndIf
 class Kinematics:
     """The programs of one coordinate system, ready to run."""
 
-    def __init__(self, inverse: Code, forward: Code, variables: VariableStore, system: int) -> None:
+    def __init__(
+        self, inverse: ExecutableProgram, forward: ExecutableProgram, variables: VariableStore, system: int
+    ) -> None:
         self._values = variables.view(system)
         self._feed_ms = variables.system(system, FEED_TIME)
         runs = (ProgramRun(code, variables, Modes(), {}, system, strict=False) for code in (inverse, forward))
@@ -112,6 +114,6 @@ def with_kinematics(definition: AxisDefinition, kinematics: Kinematics | None) -
 def _execute(run: ProgramRun) -> None:
     run.rewind()
     for _ in range(MOST_LOOKS):
-        if isinstance(run.advance(), Finished):
+        if isinstance(run.advance(), EndOfProgram):
             return
     raise PmacError(ErrorCode.DATA_ERROR, "a kinematic program without an end")

@@ -22,7 +22,7 @@ Plain = (
     | syntax.Assign
     | syntax.Move
     | syntax.Preset
-    | syntax.Home
+    | syntax.HomeMotors
     | syntax.Wait
     | syntax.Argument
     | syntax.Message
@@ -60,7 +60,7 @@ class _Common(TypedDict):
     line: int
     targets: Mapping[str, float]
     absolute: frozenset[str]
-    deferred: tuple[requests.Deferred, ...]
+    deferred: tuple[requests.DeferredValue, ...]
 
 
 class Moves:
@@ -72,7 +72,7 @@ class Moves:
         self._values = values
         self._modes = modes
         self._positions = dict(positions)
-        self._deferred: dict[tuple[VariableKind, int], requests.Deferred] = {}
+        self._deferred: dict[tuple[VariableKind, int], requests.DeferredValue] = {}
 
     @property
     def positions(self) -> Mapping[str, float]:
@@ -107,7 +107,7 @@ class Moves:
             waiting = self._deferred.pop(place, None)
             before = self._values.get(kind, index) if waiting is None else waiting.value
             value = evaluate.BITWISE[operator](before, value)
-        self._deferred[place] = requests.Deferred(kind=kind, index=index, value=value)
+        self._deferred[place] = requests.DeferredValue(kind=kind, index=index, value=value)
 
     def move(self, line: int, words: Sequence[Word]) -> requests.MoveRequest | None:
         """Return the request for the move of a line; None when it names nothing that can move."""
@@ -241,7 +241,7 @@ class Moves:
             "deferred": self._take_deferred(),
         }
 
-    def _take_deferred(self) -> tuple[requests.Deferred, ...]:
+    def _take_deferred(self) -> tuple[requests.DeferredValue, ...]:
         if not self._deferred:
             return ()
         taken = tuple(self._deferred.values())
@@ -280,7 +280,7 @@ class StepMaker:
             case syntax.Preset():
                 words = self._words(statement.words)
                 return lambda: moves.preset(line, words)
-            case syntax.Home():
+            case syntax.HomeMotors():
                 return lambda: moves.home(line, statement.motors, statement.zero)
             case syntax.Argument(letter, expression):
                 value = self.compile_value(expression)
@@ -311,12 +311,12 @@ class StepMaker:
             nonlocal words, times
             times += 1
             if times == WORTH:
-                words = self._written(statement.words) or words
+                words = self._repeated_words(statement.words) or words
             return moves.move(line, words)
 
         return step
 
-    def _written(self, words: Sequence[syntax.AxisWord]) -> list[Word] | None:
+    def _repeated_words(self, words: Sequence[syntax.AxisWord]) -> list[Word] | None:
         """Return words of a line that is executed again and again."""
         expressions = [each for w in words for each in (w.value, w.velocity) if each is not None]
         if self.python is None or (functions := self.python.values(expressions)) is None:

@@ -20,9 +20,9 @@ from drivers.pmac.language.errors import ErrorCode, NoResultError, PmacError
 from drivers.pmac.language.evaluate import Value, Variables, compile_condition, compile_expression
 from drivers.pmac.language.parser import may_be_argument
 from drivers.pmac.language.python_text import PythonText
-from drivers.pmac.language.structure import NO_JUMP, Code
+from drivers.pmac.language.structure import NO_JUMP, ExecutableProgram
 from drivers.pmac.language.syntax import VariableKind
-from drivers.pmac.requests import BlendBreak, Finished, Halt, NoHost, ProgramHost, Request
+from drivers.pmac.requests import BlendBreak, EndOfProgram, Halt, NoHost, ProgramHost, Request
 from drivers.pmac.variables import VariableStore
 
 _Result = TypeVar("_Result", float, bool)
@@ -37,14 +37,14 @@ DEEPEST_CALL = 15  # Maximum nesting of GOSUB and CALL
 _READ_FLAGS = 100
 _FIRST_LETTER = "A"
 
-Library = Callable[[int], Code | None]
+Library = Callable[[int], ExecutableProgram | None]
 
 
 @dataclass(frozen=True, slots=True)
 class _Unit:
     """A program, or the rest of a calling line, ready to run."""
 
-    code: Code
+    code: ExecutableProgram
     steps: list[Step]
     blocks: list[Enter | None]
     program: int
@@ -61,11 +61,11 @@ class _Frame:
 
 
 class ProgramRun:
-    """One running program, from its first statement to `Finished`."""
+    """One running program, from its first statement to `EndOfProgram`."""
 
     def __init__(
         self,
-        code: Code,
+        code: ExecutableProgram,
         variables: VariableStore,
         modes: Modes,
         positions: Mapping[str, float],
@@ -164,7 +164,7 @@ class ProgramRun:
             unit = frame.unit
             if index >= len(unit.steps):
                 if not self._leave():
-                    return Finished()
+                    return EndOfProgram()
                 left -= 1
                 continue
             enter = unit.blocks[index]
@@ -183,11 +183,11 @@ class ProgramRun:
                 return BlendBreak()
         return BlendBreak()
 
-    def _unit_of(self, code: Code, program: int) -> _Unit:
+    def _unit_of(self, code: ExecutableProgram, program: int) -> _Unit:
         steps = [self._step(code, index) for index in range(len(code.instructions))]
         return _Unit(code, steps, self._blocks(code), program)
 
-    def _blocks(self, code: Code) -> list[Enter | None]:
+    def _blocks(self, code: ExecutableProgram) -> list[Enter | None]:
         """Return what can be executed in one go, by its first instruction."""
         if self._python is None:
             return [None] * len(code.instructions)
@@ -197,7 +197,7 @@ class ProgramRun:
 
         return Blocks(code.instructions, code.jumps, self._python, failed).enter
 
-    def _step(self, code: Code, index: int) -> Step:  # noqa: C901 - one branch a case
+    def _step(self, code: ExecutableProgram, index: int) -> Step:  # noqa: C901 - one branch a case
         statement = code.instructions[index]
         match statement:
             case syntax.While() | syntax.If():
@@ -285,7 +285,7 @@ class ProgramRun:
             raise PmacError(ErrorCode.DATA_ERROR, f"N{label} does not exist")
         return target
 
-    def _call(self, statement: syntax.CallProgram, code: Code, index: int) -> Step:
+    def _call(self, statement: syntax.CallProgram, code: ExecutableProgram, index: int) -> Step:
         value = self._expression(statement.target)
         calling = CallingLine(code.line_of[index], _arguments(code, index))
         after_line = index + 1 + len(calling.statements)
@@ -327,7 +327,7 @@ class ProgramRun:
         unit = self._rests.get(place)
         if unit is None:
             rest = arguments.calling.rest(arguments.taken)
-            code = Code(rest, (arguments.calling.line,) * len(rest), (NO_JUMP,) * len(rest))
+            code = ExecutableProgram(rest, (arguments.calling.line,) * len(rest), (NO_JUMP,) * len(rest))
             unit = self._rests[place] = self._unit_of(code, self.program)
         self._push(_Frame(unit))
 
@@ -359,7 +359,7 @@ class ProgramRun:
         self._values.set(VariableKind.Q, _READ_FLAGS, float(flags))
 
 
-def _arguments(code: Code, index: int) -> tuple[syntax.Statement, ...]:
+def _arguments(code: ExecutableProgram, index: int) -> tuple[syntax.Statement, ...]:
     """Return the words after a call on its line that may be its arguments."""
     line, statements = code.line_of[index], code.instructions
     following = range(index + 1, len(statements))

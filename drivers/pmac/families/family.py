@@ -14,7 +14,7 @@ from drivers.pmac.status import BitTable
 _Value = TypeVar("_Value")
 
 
-class Scope(StrEnum):
+class SettingScope(StrEnum):
     """The owner of an I-variable setting."""
 
     GLOBAL = auto()
@@ -23,10 +23,10 @@ class Scope(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SettingPlace:
     """The number of a setting: I`number` of the controller, Ix`number` of a motor or of a coordinate system."""
 
-    scope: Scope
+    scope: SettingScope
     number: int
 
 
@@ -40,7 +40,7 @@ class Register:
     space: str
     address: int
     stride: int = 0
-    scope: Scope = Scope.MOTOR
+    scope: SettingScope = SettingScope.MOTOR
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ class GatherSettings:
         return WORD_BITS * len(self.masks)
 
 
-class Setting(StrEnum):
+class FamilySetting(StrEnum):
     """The settings whose number or scope is not the same in every family.
 
     Settings that are the same everywhere (I10, Ix16, Ix87 ...) are addressed by number.
@@ -177,7 +177,7 @@ class Dialect:
     system_count: int
     highest_index: int
     system_offset: int
-    places: Mapping[Setting, Place]
+    places: Mapping[FamilySetting, SettingPlace]
     global_defaults: Mapping[int, float]
     motor_defaults: Mapping[int, float]
     system_defaults: Mapping[int, float]
@@ -216,9 +216,13 @@ class Dialect:
     user_buffer: UserBuffer | None = None
     phase_clock: PhaseClock | None = None
 
-    def numbers(self, scope: Scope) -> range:
+    def numbers(self, scope: SettingScope) -> range:
         """Return the numbers of the motors, or of the coordinate systems; a single instance is number 1."""
-        counts = {Scope.GLOBAL: 1, Scope.MOTOR: self.motor_count, Scope.SYSTEM: self.system_count}
+        counts = {
+            SettingScope.GLOBAL: 1,
+            SettingScope.MOTOR: self.motor_count,
+            SettingScope.SYSTEM: self.system_count,
+        }
         return range(1, counts[scope] + 1)
 
     def motor_index(self, motor: int, number: int) -> int:
@@ -229,12 +233,12 @@ class Dialect:
         """Return the index of Ix`number` of a coordinate system."""
         return self.system_offset + 100 * system + number
 
-    def index(self, setting: Setting, owner: int = 1) -> int:
+    def index(self, setting: FamilySetting, owner: int = 1) -> int:
         """Return the index of a setting; `owner` is the motor or the coordinate system, where it has one."""
         place = self.places[setting]
-        if place.scope is Scope.GLOBAL:
+        if place.scope is SettingScope.GLOBAL:
             return place.number
-        index_of = self.motor_index if place.scope is Scope.MOTOR else self.system_index
+        index_of = self.motor_index if place.scope is SettingScope.MOTOR else self.system_index
         return index_of(owner, place.number)
 
     @cached_property
@@ -243,7 +247,7 @@ class Dialect:
         return self._spread(self.global_defaults, self.motor_defaults, self.system_defaults)
 
     @cached_property
-    def settings(self) -> Mapping[int, tuple[Setting, int]]:
+    def settings(self) -> Mapping[int, tuple[FamilySetting, int]]:
         """The setting of a family-dependent number, and its motor or coordinate system, by index."""
         return {
             self.index(setting, owner): (setting, owner)
@@ -271,8 +275,8 @@ class Dialect:
         self, card: Mapping[int, _Value], motors: Mapping[int, _Value], systems: Mapping[int, _Value]
     ) -> dict[int, _Value]:
         spread = dict(card)
-        for motor in self.numbers(Scope.MOTOR):
+        for motor in self.numbers(SettingScope.MOTOR):
             spread.update({self.motor_index(motor, number): value for number, value in motors.items()})
-        for system in self.numbers(Scope.SYSTEM):
+        for system in self.numbers(SettingScope.SYSTEM):
             spread.update({self.system_index(system, number): value for number, value in systems.items()})
         return spread

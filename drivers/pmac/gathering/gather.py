@@ -130,7 +130,7 @@ def unpack(sources: Sequence[Pointer], long_words: Sequence[int]) -> list[float]
     for source, shift in zip(sources, shifts_of(sources), strict=True):
         bits = WORD_BITS * _words_in(source)
         held = sample >> shift & ((1 << bits) - 1)
-        values.append(decode_float(held) if source.space == "L" else _signed(held, bits))
+        values.append(decode_float(held) if source.space == "L" else _sign_value(held, bits))
     return values
 
 
@@ -156,7 +156,7 @@ def _words_in(source: Pointer) -> int:
     return 1 if source.space in "XY" else 2
 
 
-def _signed(held: int, bits: int) -> int:
+def _sign_value(held: int, bits: int) -> int:
     sign = 1 << (bits - 1)
     return (held ^ sign) - sign
 
@@ -190,10 +190,10 @@ def decode_float(register: int) -> float:
     """
     exponent = register & ((1 << _EXPONENT_BITS) - 1)
     mantissa = register >> _EXPONENT_BITS
-    return math.ldexp(_signed(mantissa, _FRACTION_BITS + 1), exponent - _EXPONENT_OFFSET - _FRACTION_BITS)
+    return math.ldexp(_sign_value(mantissa, _FRACTION_BITS + 1), exponent - _EXPONENT_OFFSET - _FRACTION_BITS)
 
 
-def packed(columns: Sequence[Sequence[float]], widths: Sequence[int], tail: bytes) -> bytes:
+def pack_samples(columns: Sequence[Sequence[float]], widths: Sequence[int], tail: bytes) -> bytes:
     """Return samples as bytes, little-endian: of each source its register in so many bytes, then `tail`.
 
     A register holds the nearest integer, halves up, 0 for what is not finite.

@@ -183,9 +183,9 @@ class DataGathering:
         settings = gather_settings([channel.source for channel in channels], period_cycles, self.dialect)
         status = self._status()
         if "gathering" in status:
-            raise GatherError(f"{self._where}: somebody gathers already; wait for the end, or stop() it first")
+            raise GatherError(f"{self._address}: somebody gathers already; wait for the end, or stop() it first")
         if not status.isdisjoint(_OPEN):  # settings would become lines of that program
-            raise GatherError(f"{self._where}: a program is being entered; CLOSE it first")
+            raise GatherError(f"{self._address}: a program is being entered; CLOSE it first")
         texts = [f"I{index}={value}" for index, value in settings.items()]
         for first in range(0, len(texts), _SETTINGS_A_LINE):
             self.client.request(" ".join(texts[first : first + _SETTINGS_A_LINE]))
@@ -222,7 +222,7 @@ class DataGathering:
         Raises GatherError: it is still active, another client has changed the set-up, or a damaged listing.
         """
         if self.running():
-            raise GatherError(f"{self._where}: not at its end yet; {plan.duration_ms:.0f} ms, or stop() it")
+            raise GatherError(f"{self._address}: not at its end yet; {plan.duration_ms:.0f} ms, or stop() it")
         self._confirm(plan)
         lines: list[str] = []
         for first in range(0, plan.long_words, LONG_WORDS_A_REQUEST):
@@ -234,7 +234,7 @@ class DataGathering:
         return GatheredData.from_listing(lines, plan.channels, plan.period_cycles, plan.cycle_ms)
 
     @property
-    def _where(self) -> str:
+    def _address(self) -> str:
         return self.client.link.address
 
     def _status(self) -> frozenset[str]:
@@ -242,7 +242,7 @@ class DataGathering:
         try:
             return decode(digits, self.dialect.global_bits)
         except ValueError as error:
-            raise GatherError(f"{self._where}: ???: {error}; is it a {self.dialect.name}?") from error
+            raise GatherError(f"{self._address}: ???: {error}; is it a {self.dialect.name}?") from error
 
     def _confirm(self, plan: GatherPlan) -> None:
         """Check that the controller is set up according to the plan."""
@@ -250,15 +250,15 @@ class DataGathering:
         found = self._read([*target, _SERVO_TIME])
         for index, value in target.items():
             if found[index] != value:
-                detail = f"{self._where}: I{index} is {found[index]:g}, {value} was set"
+                detail = f"{self._address}: I{index} is {found[index]:g}, {value} was set"
                 raise GatherError(f"{detail}; somebody else sets up gathering: start over when it is done")
         if servo_cycle_ms(found[_SERVO_TIME]) != plan.cycle_ms:
-            raise GatherError(f"{self._where}: I10 is {found[_SERVO_TIME]:g}, it was changed; start over")
+            raise GatherError(f"{self._address}: I10 is {found[_SERVO_TIME]:g}, it was changed; start over")
         scaled = [channel for channel in plan.channels if _CHANNEL.fullmatch(channel.name)]
         for channel, now in zip(scaled, self.motor_channels(*(each.name for each in scaled)), strict=True):
             if now.scale != channel.scale:
                 detail = (
-                    f"{self._where}: {channel.name} has {1 / now.scale:g} steps a {now.unit.split('/')[0]} now"
+                    f"{self._address}: {channel.name} has {1 / now.scale:g} steps a {now.unit.split('/')[0]} now"
                 )
                 raise GatherError(f"{detail}, {1 / channel.scale:g} before; Ix08 or Ix09 was changed: start over")
 
@@ -269,7 +269,7 @@ class DataGathering:
         except ControllerError as error:
             if error.error_number != ErrorCode.NO_ROOM:
                 raise
-            detail = f"{self._where}: no room for {long_words} long words (SIZE tells how many there are)"
+            detail = f"{self._address}: no room for {long_words} long words (SIZE tells how many there are)"
             raise GatherError(f"{detail}; fewer channels, or fewer samples at a longer period") from error
 
     def _read(self, indices: Iterable[int]) -> Mapping[int, float]:
@@ -287,4 +287,4 @@ class DataGathering:
         try:
             return float(int(digits[1:], 16)) if digits.startswith("$") else float(digits)
         except ValueError as error:
-            raise GatherError(f"{self._where}: I{index} is {text!r}, no number; read it again") from error
+            raise GatherError(f"{self._address}: I{index} is {text!r}, no number; read it again") from error

@@ -15,7 +15,7 @@ from drivers.pmac.heartbeat.plc import Policy, plc_lines
 from drivers.pmac.heartbeat.watchdog import (
     ENDING,
     SERVO_PERIOD,
-    Activity,
+    GuardedActivity,
     definitions,
     watchdog_line,
     watchdog_timer,
@@ -120,11 +120,11 @@ def heartbeat_problems(
     look: HeartbeatLook, machine: MachineProfile, dialect: Dialect, policy: Policy
 ) -> tuple[Problem, ...]:
     """Return everything that forbids motion with this heartbeat; momentary states come last."""
-    allowed = permitted(look.permission)
+    allowed = permits_plc(look.permission)
     before, after = look.pulses
     stands = look.listing is not None and not after.echo > before.echo
     return (
-        *(() if allowed else (forbidden(look.permission),)),
+        *(() if allowed else (permission_problem(look.permission),)),
         *_text(look.listing, machine, dialect, policy),
         *_definitions(look, machine, dialect),
         # A PLC that is forbidden or missing is known to be silent.
@@ -134,12 +134,12 @@ def heartbeat_problems(
     )
 
 
-def permitted(permission: float) -> bool:
+def permits_plc(permission: float) -> bool:
     """Whether this value of I5 lets the PLC run."""
     return bool(int(permission) & I5_BACKGROUND)
 
 
-def forbidden(permission: float) -> Problem:
+def permission_problem(permission: float) -> Problem:
     """Return the problem of a value of I5 that does not."""
     value, limit = format_number(permission), f"{I5_BACKGROUND}, {I5_BACKGROUND + 1}"
     return Problem(code="heartbeat.plcs_forbidden", key=f"I{PERMISSION}", value=value, limit=limit)
@@ -225,5 +225,5 @@ def lost_problem(lost: float) -> Problem:
 
 def activity_name(activity: float) -> str:
     """Return the word for what is or was guarded: a program cuts, or measures the tool."""
-    names: dict[float, str] = {Activity.JOG: "jog", Activity.CUT: "program"}
+    names: dict[float, str] = {GuardedActivity.JOG: "jog", GuardedActivity.CUT: "program"}
     return names.get(activity) or format_number(activity)

@@ -45,7 +45,7 @@ class Policy(StrEnum):
 
 def plc_text(machine: MachineProfile, dialect: Dialect, policy: Policy) -> str:
     """Return the text with its comments; a line of it is a line of the PLC."""
-    return "".join(f"{line}\n" for line in _Writer(machine, dialect, policy).lines())
+    return "".join(f"{line}\n" for line in _PlcWriter(machine, dialect, policy).lines())
 
 
 def plc_lines(machine: MachineProfile, dialect: Dialect, policy: Policy) -> tuple[str, ...]:
@@ -66,7 +66,7 @@ def set_up_lines(machine: MachineProfile, dialect: Dialect, policy: Policy) -> t
         "CLOSE",
         f"DISABLE PLC{number}",
         *r.definition_lines(machine, dialect),
-        f"P{reserved.ACTIVITY}={r.Activity.NOTHING:d}",
+        f"P{reserved.ACTIVITY}={r.GuardedActivity.NOTHING:d}",
         f"OPEN PLC{number}",
         "CLEAR",
         *plc_lines(machine, dialect, policy),
@@ -75,7 +75,7 @@ def set_up_lines(machine: MachineProfile, dialect: Dialect, policy: Policy) -> t
     )
 
 
-class _Writer:
+class _PlcWriter:
     """The parts of the text, each a few lines."""
 
     def __init__(self, machine: MachineProfile, dialect: Dialect, policy: Policy) -> None:
@@ -106,7 +106,7 @@ class _Writer:
         yield f"{activity}=0 ; so this comes once"
         yield f"P{r.ENDING}=1"
         yield from self._look_at_loops()
-        yield f"IF({lost}={r.Activity.JOG:d})"
+        yield f"IF({lost}={r.GuardedActivity.JOG:d})"
         yield from self._end_jog()
         if self._policy is not Policy.FINISH:
             yield "ELSE"

@@ -19,7 +19,7 @@ from drivers.pmac.heartbeat.watchdog import (
     PERIOD_MS,
     SYSTEM,
     WATCHDOG_MS,
-    Activity,
+    GuardedActivity,
     cycles_of,
     watchdog_line,
 )
@@ -36,7 +36,7 @@ GIVE_UP_S = 0.6  # What has not ended after twice the specified time is stopped 
 REST_LIMIT_S = 5.0  # How long to poll until rest
 
 Flags = frozenset[str]
-NOTHING_GUARDED = f"P{reserved.ACTIVITY}={Activity.NOTHING:d}"
+NOTHING_GUARDED = f"P{reserved.ACTIVITY}={GuardedActivity.NOTHING:d}"
 """Reports that the guarded motion has ended; the watchdog may run out then."""
 
 LOSS_SEEN = f"P{reserved.LOST}=0"  # Clears the loss flag, once an operator has seen it
@@ -45,7 +45,7 @@ TIMEOUT_S = 0.3  # How long the PLC may stay at one number: three scans of a bus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class MotorPoll:
     """One poll, between two times of the host.
 
     `lost` is whether the controller has ended something without a host, `ending` whether it is still about to.
@@ -82,20 +82,20 @@ class Keeper:
         """Return when the next renewal is to be sent."""
         return now_s if self.renewed_at_s is None else self.renewed_at_s + PERIOD_MS / 1000.0
 
-    def lapsed(self, now_s: float) -> bool:
+    def has_lapsed(self, now_s: float) -> bool:
         """Whether the watchdog has timed out: what it guarded was ended, and a renewal does not revive it.
 
         A host that finds this, after a stall of its own, reads the state of the machine instead of renewing.
         """
         return self.renewed_at_s is None or now_s - self.renewed_at_s >= WATCHDOG_MS / 1000.0
 
-    def renewed(self, now_s: float) -> Keeper:
+    def record_renewal(self, now_s: float) -> Keeper:
         """Record that `line`, or a line that begins with a renewal, is being sent now."""
         return replace(self, renewed_at_s=now_s)
 
     def jog_line(self) -> str:
         """Return the commands that precede a jog or a home search, on its line."""
-        return f"{self.line} P{reserved.ACTIVITY}={Activity.JOG:d}"
+        return f"{self.line} P{reserved.ACTIVITY}={GuardedActivity.JOG:d}"
 
     def cut_line(self, retracted_counts: float, grace_ms: float = GRACE_MS) -> str:
         """Return the commands that precede the start of a cut, on its line.
@@ -109,7 +109,7 @@ class Keeper:
             watchdog.RUN_DOWN: cycles_of(RUN_DOWN_MS, self.i10),
         }
         settings = " ".join(f"P{number}={value}" for number, value in values.items())
-        return f"{settings} {self.line} P{reserved.ACTIVITY}={Activity.CUT:d}"
+        return f"{settings} {self.line} P{reserved.ACTIVITY}={GuardedActivity.CUT:d}"
 
 
 @dataclass(slots=True, kw_only=True)
@@ -124,7 +124,7 @@ class EchoWatch:
     _counted: float | None = None
     _since_s: float = 0.0
 
-    def asked(self, now_s: float) -> None:
+    def record_query(self, now_s: float) -> None:
         """Record that a query is sent now."""
         self.due_s = now_s + PERIOD_S
 
@@ -136,7 +136,7 @@ class EchoWatch:
             self.problem = silent(echo, echo)
 
 
-class Watch:
+class MotorWatch:
     """Polls some motors, their program, the loss flag of the PLC and the owner in one request."""
 
     def __init__(
@@ -159,7 +159,7 @@ class Watch:
         (owner,) = self.client.request(f"{keeper.line} P{reserved.OWNER}", lines=1)
         self._owner_seen(self.client.number(owner))
 
-    def look(self) -> Look:
+    def look(self) -> MotorPoll:
         """Poll once; raises as `renew` does."""
         asked_s = self.clock.now_s()
         of_motors = [item for motor in self.motors for item in (f"#{motor}P", "?")]
@@ -167,7 +167,7 @@ class Watch:
         owner, lost, ending, *found, system = self.client.query(*words, *of_motors, f"&{SYSTEM}??", again=True)
         self._owner_seen(self.client.number(owner))
         try:
-            return Look(
+            return MotorPoll(
                 asked_s=asked_s,
                 answered_s=self.clock.now_s(),
                 lost=number_of(lost) != 0.0,
@@ -184,24 +184,24 @@ class Watch:
             raise LinkError(Problem(code="link.out_of_step", where=where, key="P ? ??", value=value)) from error
 
 
-def rests(looks: Sequence[Look]) -> bool:
+def rests(looks: Sequence[MotorPoll]) -> bool:
     """Whether everything is at rest by the last polls."""
     last = looks[-POLLS_AT_REST:]
-    return len(last) == POLLS_AT_REST and all(_rested(last, motor) for motor in last[0].positions)
+    return len(last) == POLLS_AT_REST and all(_is_at_rest(last, motor) for motor in last[0].positions)
 
 
-def rest_s(looks: Sequence[Look], *motors: int) -> float | None:
+def rest_s(looks: Sequence[MotorPoll], *motors: int) -> float | None:
     """Return when motors (all, if none is named) were first seen at permanent rest; None: they were not."""
     found = None
     for place in range(len(looks) - POLLS_AT_REST, -1, -1):
         window = looks[place : place + POLLS_AT_REST]
-        if not all(_rested(window, motor) for motor in motors or window[0].positions):
+        if not all(_is_at_rest(window, motor) for motor in motors or window[0].positions):
             break
         found = window[0].answered_s
     return found
 
 
-def _rested(looks: Sequence[Look], motor: int) -> bool:
+def _is_at_rest(looks: Sequence[MotorPoll], motor: int) -> bool:
     places = [look.positions[motor] for look in looks]
     still = all(look.still(motor) and not look.running for look in looks)
     return still and max(places) - min(places) <= REST_BAND_COUNTS
@@ -218,10 +218,12 @@ class WatchdogProof:
     still_going_s: float
     ended_s: float | None
     at_rest_s: float | None
-    looks: tuple[Look, ...] = ()
+    looks: tuple[MotorPoll, ...] = ()
 
 
-def kept(watch: Watch, keeper: Keeper, kept_s: float, check: Callable[[], None]) -> tuple[Look, Look]:
+def keep_watchdog(
+    watch: MotorWatch, keeper: Keeper, kept_s: float, check: Callable[[], None]
+) -> tuple[MotorPoll, MotorPoll]:
     """Renew the watchdog of a motion for a time; return one poll from before the last renewal, and one after it.
 
     `check` ends it.
@@ -241,7 +243,7 @@ def kept(watch: Watch, keeper: Keeper, kept_s: float, check: Callable[[], None])
 
 
 def withhold(
-    watch: Watch, before: Look, stop: Callable[[str], None], rest_limit_s: float = REST_LIMIT_S
+    watch: MotorWatch, before: MotorPoll, stop: Callable[[str], None], rest_limit_s: float = REST_LIMIT_S
 ) -> WatchdogProof:
     """Poll without renewals until everything is at rest; `before` was made just after the last renewal.
 

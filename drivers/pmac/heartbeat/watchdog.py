@@ -40,7 +40,7 @@ TOOL_HOMED = 1014
 """M-variables: status bits, and registers of the tool in 1/(Ix08 x 32) count, except its target in counts."""
 
 
-class Activity(IntEnum):
+class GuardedActivity(IntEnum):
     """What the watchdog guards."""
 
     NOTHING = 0

@@ -55,11 +55,11 @@ class Blocks:
             nonlocal entered
             entered += 1
             if entered == WORTH:
-                self.enter[first] = self._written(first)
+                self.enter[first] = self._written_block(first)
 
         return enter
 
-    def _written(self, first: int) -> Enter | None:
+    def _written_block(self, first: int) -> Enter | None:
         end = first
         most = min(first + LONGEST, len(self._instructions))
         while end < most and _calculates(self._instructions[end]):
@@ -69,7 +69,7 @@ class Blocks:
             lines += [f"        {line}" for line in self._lines(place, self._instructions[place])]
         lines += [f"        return {end}, {end - 1}"]
         lines += ["    except faults as fault: failed(at, fault)"]
-        found = self._python.executed(lines, {"failed": self._fail, "faults": _FAULTS})
+        found = self._python.execute_text(lines, {"failed": self._fail, "faults": _FAULTS})
         return None if found is None else found["block"]
 
     def _lines(self, place: int, statement: object) -> list[str]:

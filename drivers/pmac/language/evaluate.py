@@ -263,10 +263,10 @@ def saturating_modulo(left: float, right: float) -> float:
 def functions(degrees: bool, strict: bool) -> Mapping[str, UnaryFunction]:
     """Return the functions of one number by name, as a calculation applies them."""
     found = unary_functions(degrees)
-    return {name: _applied(name, function, strict) for name, function in found.items()}
+    return {name: _apply_function(name, function, strict) for name, function in found.items()}
 
 
-def _applied(name: str, function: UnaryFunction, strict: bool) -> UnaryFunction:
+def _apply_function(name: str, function: UnaryFunction, strict: bool) -> UnaryFunction:
     if name in ANYWHERE:
 
         def anywhere(value: float) -> float:

@@ -40,7 +40,7 @@ def parse_expression(scanner: Scanner) -> syntax.Expression:
 
     Raises PmacError 003: no expression at the cursor, or it is too large.
     """
-    return _Reader(scanner).sum()
+    return _ExpressionReader(scanner).sum()
 
 
 def parse_condition(scanner: Scanner) -> syntax.Condition:
@@ -50,7 +50,7 @@ def parse_condition(scanner: Scanner) -> syntax.Condition:
 
     Raises PmacError 003: no condition at the cursor, or it has no comparator (`<=` is none).
     """
-    return _Reader(scanner).condition()
+    return _ExpressionReader(scanner).condition()
 
 
 def parse_variable(scanner: Scanner) -> syntax.Variable | None:
@@ -58,7 +58,7 @@ def parse_variable(scanner: Scanner) -> syntax.Variable | None:
 
     Raises PmacError 003: the number in parentheses is not an expression.
     """
-    return _Reader(scanner).variable()
+    return _ExpressionReader(scanner).variable()
 
 
 def at_data(scanner: Scanner) -> bool:
@@ -81,10 +81,10 @@ def parse_data(scanner: Scanner) -> syntax.Expression:
     number = scanner.take_number()
     if number is None:
         raise scanner.refusal("expected a constant or parentheses")
-    return negated(syntax.Number(number)) if negative else syntax.Number(number)
+    return negate_operand(syntax.Number(number)) if negative else syntax.Number(number)
 
 
-def negated(operand: syntax.Expression) -> syntax.Expression:
+def negate_operand(operand: syntax.Expression) -> syntax.Expression:
     """Return the negated operand; a constant includes its own minus sign."""
     if isinstance(operand, syntax.Number):
         return syntax.Number(-operand.value if operand.value else 0.0)
@@ -92,7 +92,7 @@ def negated(operand: syntax.Expression) -> syntax.Expression:
 
 
 @dataclass(slots=True)
-class _Reader:
+class _ExpressionReader:
     """One expression or condition being parsed."""
 
     scanner: Scanner
@@ -146,12 +146,12 @@ class _Reader:
 
     def _compound(self) -> syntax.Expression:
         if self.scanner.accept("-"):
-            return negated(self._operand())
+            return negate_operand(self._operand())
         if self.scanner.peek("("):
-            return self._parenthesised()
+            return self._parenthesised_expression()
         name = self.scanner.take_word(FUNCTIONS)
         if name is not None:
-            return syntax.Call(name, self._parenthesised())
+            return syntax.Call(name, self._parenthesised_expression())
         variable = self.variable()
         if variable is None:
             raise self.scanner.refusal("expected an operand")
@@ -164,10 +164,10 @@ class _Reader:
             self.scanner.reset(mark)
             return None
         number = self.scanner.take_integer()
-        index = syntax.Number(number) if number is not None else self._parenthesised()
+        index = syntax.Number(number) if number is not None else self._parenthesised_expression()
         return syntax.Variable(syntax.VariableKind(kind), index)
 
-    def _parenthesised(self) -> syntax.Expression:
+    def _parenthesised_expression(self) -> syntax.Expression:
         self.scanner.expect("(")
         inside = self.sum()
         self.scanner.expect(")")

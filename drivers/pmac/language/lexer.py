@@ -83,7 +83,7 @@ class Scanner:
         """Go back to a mark."""
         self._cursor = mark
 
-    def typed(self, begin: int, end: int) -> str:
+    def text_between(self, begin: int, end: int) -> str:
         """Return the text between two marks as the controller keeps it: constants in decimals, texts as typed."""
         piece = self._text[begin:end]
         if _OTHER_FORM.search(piece) is None:

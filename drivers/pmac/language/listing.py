@@ -73,9 +73,9 @@ class KeptText:
         """The line as it is listed in full."""
         return "".join(self.pieces)
 
-    def listed(self, *, in_full: bool) -> str:
+    def list_line(self, *, in_full: bool) -> str:
         """Return the line as it is listed, in full or in short."""
-        return self.text if in_full else _shortened(self.pieces)
+        return self.text if in_full else _shorten_pieces(self.pieces)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class StoredPlcLine(KeptText):
 def stored_line(text: str) -> StoredLine:
     """Return a typed line as it is kept. Raises PmacError as `parse_line` does."""
     scanner = Scanner(text)
-    spelled = list(_spelled(scanner, statements_of(scanner)))
+    spelled = list(_list_statements(scanner, statements_of(scanner)))
     line = gather_moves(statement for statement, _ in spelled)
     return StoredLine(tuple(piece for _, piece in spelled), line)
 
@@ -130,7 +130,7 @@ def without_end(lines: Iterable[str]) -> tuple[str, ...]:
     return kept[:-1] if kept and kept[-1].strip().upper() in _ENDS else kept
 
 
-def _spelled(scanner: Scanner, statements: Iterator[Statement]) -> Iterator[tuple[Statement, str]]:
+def _list_statements(scanner: Scanner, statements: Iterator[Statement]) -> Iterator[tuple[Statement, str]]:
     begin = scanner.mark()
     for statement in statements:
         yield statement, _piece(scanner, begin)
@@ -145,12 +145,12 @@ def _spelled_plc(scanner: Scanner, statements: Iterator[PlcStatement]) -> Iterat
 
 
 def _piece(scanner: Scanner, begin: int) -> str:
-    piece = scanner.typed(begin, scanner.mark())
+    piece = scanner.text_between(begin, scanner.mark())
     typed = _TYPED.match(piece)
     return piece if typed is None else _WHOLE.get(typed.group(), typed.group()) + piece[typed.end() :]
 
 
-def _shortened(pieces: tuple[str, ...]) -> str:
+def _shorten_pieces(pieces: tuple[str, ...]) -> str:
     text = ""
     for piece in reversed(pieces):
         word = _FULL.match(piece)

@@ -39,10 +39,10 @@ def gather_moves(statements: Iterable[syntax.Statement]) -> syntax.Line:
         if isinstance(statement, _Gathered):
             stretch.append(statement)
             continue
-        gathered += [*(_joined(stretch) if called else _arranged(stretch)), statement]
+        gathered += [*(_join_words(stretch) if called else _arrange_statements(stretch)), statement]
         stretch.clear()
         called = isinstance(statement, syntax.CallProgram)
-    return (*gathered, *(_joined(stretch) if called else _arranged(stretch)))
+    return (*gathered, *(_join_words(stretch) if called else _arrange_statements(stretch)))
 
 
 def may_be_argument(statement: syntax.Statement) -> bool:
@@ -50,7 +50,7 @@ def may_be_argument(statement: syntax.Statement) -> bool:
     return isinstance(statement, _Gathered | syntax.CallProgram)
 
 
-def _arranged(stretch: list[syntax.Statement]) -> list[syntax.Statement]:
+def _arrange_statements(stretch: list[syntax.Statement]) -> list[syntax.Statement]:
     last_modal = max((i for i, statement in enumerate(stretch) if isinstance(statement, _Modal)), default=-1)
     # Assignments before a modal word keep their place before it, as in `P1=5 F(P1)`.
     arranged: list[syntax.Statement] = [
@@ -74,7 +74,7 @@ def _arranged(stretch: list[syntax.Statement]) -> list[syntax.Statement]:
     return arranged + behind
 
 
-def _joined(stretch: list[syntax.Statement]) -> list[syntax.Statement]:
+def _join_words(stretch: list[syntax.Statement]) -> list[syntax.Statement]:
     joined: list[syntax.Statement] = []
     for statement in stretch:
         if not isinstance(statement, syntax.Move):
@@ -251,11 +251,11 @@ def _preset(scanner: Scanner, word: str) -> syntax.Preset:
     return syntax.Preset(words)
 
 
-def _home(scanner: Scanner, word: str) -> syntax.Home | None:
+def _home(scanner: Scanner, word: str) -> syntax.HomeMotors | None:
     """Require motors: without them it is the on-line command."""
     if not scanner.peek("0123456789$"):
         return None
-    return syntax.Home(parse_numbers(scanner, 1, HIGHEST_MOTOR), zero=_HOMES[word])
+    return syntax.HomeMotors(parse_numbers(scanner, 1, HIGHEST_MOTOR), zero=_HOMES[word])
 
 
 MESSAGE_READERS: Mapping[str, Reader] = {

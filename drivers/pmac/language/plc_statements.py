@@ -154,7 +154,7 @@ def link_plc(program: syntax.PlcProgram) -> PlcCode:
     return linker.finish()
 
 
-def _joined(lines: list[tuple[str, syntax.Condition]]) -> syntax.Condition:
+def _join_conditions(lines: list[tuple[str, syntax.Condition]]) -> syntax.Condition:
     """Join the conditions of several lines: each is a unit, and between them AND binds tighter than OR.
 
     (Turbo PMAC User Manual, Multiple-Line Conditions.) The operator of the first line is ignored.
@@ -203,6 +203,6 @@ class _PlcLinker(Linker[PlcInstruction]):
 
     def _finish_condition(self) -> None:
         if len(self.condition) > 1:
-            whole = _joined(self.condition)
+            whole = _join_conditions(self.condition)
             self.instructions[-1] = syntax.While(whole) if self.blocks[-1].loop else syntax.If(whole)
         self.condition = []

@@ -41,10 +41,10 @@ class PythonText:
             "p": p_values,
         }
 
-    def executed(self, lines: Sequence[str], known: Mapping[str, object]) -> dict[str, Any] | None:
+    def execute_text(self, lines: Sequence[str], known: Mapping[str, object]) -> dict[str, Any] | None:
         """Return the names that the text defines; None if it is nested too deep for Python."""
         try:
-            code = _compiled("\n".join(lines))
+            code = _compile_text("\n".join(lines))
         except (SyntaxError, RecursionError, MemoryError):
             return None
         found = {**self._known, **known}
@@ -54,7 +54,7 @@ class PythonText:
     def values(self, expressions: Sequence[syntax.Expression]) -> list[Value] | None:
         """Return functions as `compile_expression` makes them; None if Python cannot compile them."""
         lines = [line for place, each in enumerate(expressions) for line in self._function(f"value_{place}", each)]
-        found = self.executed(lines, {})
+        found = self.execute_text(lines, {})
         return None if found is None else [found[f"value_{place}"] for place in range(len(expressions))]
 
     def _function(self, name: str, expression: syntax.Expression) -> list[str]:
@@ -135,5 +135,5 @@ def _is_stored(expression: syntax.Expression) -> bool:
 
 
 @lru_cache(maxsize=256)
-def _compiled(text: str) -> CodeType:
+def _compile_text(text: str) -> CodeType:
     return compile(text, "<program>", "exec")

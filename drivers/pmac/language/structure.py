@@ -15,7 +15,7 @@ Instruction = TypeVar("Instruction")
 
 
 @dataclass(frozen=True, slots=True)
-class Code:
+class ExecutableProgram:
     """A program ready to run; the three tuples run in parallel.
 
     `line_of` is the index of the line in the program (an implied end belongs to the last line in it). `jumps` is
@@ -35,7 +35,7 @@ class Code:
         return self.labels.get(label, 0 if label == 0 else None)
 
 
-def link(program: Program) -> Code:
+def link(program: Program) -> ExecutableProgram:
     """Find the ends of every loop and branch.
 
     A single-line WHILE or IF ends with its line; an IF waits for an ELSE at the beginning of the next line
@@ -49,7 +49,7 @@ def link(program: Program) -> Code:
 
 
 @dataclass(slots=True)
-class Block:
+class OpenBlock:
     """A loop or a branch that is still open: its While or If, and the Else if it had one.
 
     `line` is the one that it began in, or that of its ELSE.
@@ -69,7 +69,7 @@ class Linker(Generic[Instruction]):
     instructions: list[Instruction] = field(default_factory=list)
     line_of: list[int] = field(default_factory=list)
     jumps: list[int] = field(default_factory=list)
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[OpenBlock] = field(default_factory=list)
 
     def emit(self, number: int, statement: Instruction) -> None:
         """Add an instruction of line `number`."""
@@ -79,10 +79,10 @@ class Linker(Generic[Instruction]):
 
     def begin(self, number: int, statement: Instruction, *, loop: bool, inline: bool = False) -> None:
         """Open a loop or a branch."""
-        self.blocks.append(Block(len(self.instructions), number, loop, inline))
+        self.blocks.append(OpenBlock(len(self.instructions), number, loop, inline))
         self.emit(number, statement)
 
-    def divide(self, number: int, statement: Instruction) -> Block:
+    def divide(self, number: int, statement: Instruction) -> OpenBlock:
         """Begin the alternative of a branch; return its block. Raises PmacError: 009, an ELSE without its IF."""
         block = self.blocks[-1] if self.blocks else None
         if block is None or block.loop or block.alternative is not None:
@@ -123,10 +123,10 @@ class _ProgramLinker(Linker[Statement]):
             self._add_statement(number, statement)
         self._end_line(number)
 
-    def finish(self) -> Code:
+    def finish(self) -> ExecutableProgram:
         self._close_inline()
         self.refuse_open()
-        return Code(tuple(self.instructions), tuple(self.line_of), tuple(self.jumps), self.labels)
+        return ExecutableProgram(tuple(self.instructions), tuple(self.line_of), tuple(self.jumps), self.labels)
 
     def _add_statement(self, number: int, statement: Statement) -> None:
         match statement:
@@ -156,7 +156,7 @@ class _ProgramLinker(Linker[Statement]):
         while self.blocks and self.blocks[-1].inline:
             self._close_implied(self.blocks[-1])
 
-    def _close_implied(self, block: Block) -> None:
+    def _close_implied(self, block: OpenBlock) -> None:
         self.end(self.line_of[-1], EndWhile() if block.loop else EndIf(), loop=block.loop)
 
 

@@ -161,7 +161,7 @@ class Preset:
 
 
 @dataclass(frozen=True, slots=True)
-class Home:
+class HomeMotors:
     """`HOME1..3,5`: home motors and wait; `zero` (HOMEZ) declares them homed without a move."""
 
     motors: tuple[int, ...]
@@ -329,7 +329,19 @@ Flow = While | EndWhile | If | Else | EndIf | Label | Goto | Gosub | CallProgram
 """Statements that determine the next line."""
 
 Statement = (
-    Modal | Flow | Assign | Move | Preset | Home | Wait | Pause | Stop | Block | Argument | Message | PlcSwitch
+    Modal
+    | Flow
+    | Assign
+    | Move
+    | Preset
+    | HomeMotors
+    | Wait
+    | Pause
+    | Stop
+    | Block
+    | Argument
+    | Message
+    | PlcSwitch
 )
 
 Line = tuple[Statement, ...]  # The statements between two line ends. A program is a tuple of lines.

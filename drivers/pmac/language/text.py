@@ -100,7 +100,7 @@ def format_statement(statement: syntax.Statement | syntax.PlcStatement) -> str: 
         case syntax.Read(letters):
             return f"READ({','.join(letters)})"
         case syntax.Address(motor, system):
-            return f"ADDRESS{_addressed('#', motor)}{_addressed('&', system)}"
+            return f"ADDRESS{_format_address('#', motor)}{_format_address('&', system)}"
         case syntax.PlcSwitch(enable, numbers, keeping):
             return f"{_SWITCHES[enable, keeping]} PLC {','.join(map(str, numbers))}"
         case _:
@@ -121,7 +121,7 @@ def _format_motion(statement: syntax.Statement) -> str:
             return _axis_words(words)
         case syntax.Preset(words):
             return f"PSET {_axis_words(words)}"
-        case syntax.Home(motors, zero):
+        case syntax.HomeMotors(motors, zero):
             return f"{'HOMEZ' if zero else 'HOME'}{','.join(map(str, motors))}"
         case syntax.Block(begins):
             return "BLOCKSTART" if begins else "BLOCKSTOP"
@@ -180,7 +180,7 @@ def _suffix(sign: str, value: syntax.Expression | None) -> str:
     return "" if value is None else f"{sign}{format_data(value)}"
 
 
-def _addressed(sign: str, number: int | syntax.Variable | None) -> str:
+def _format_address(sign: str, number: int | syntax.Variable | None) -> str:
     if number is None:
         return ""
     return f"{sign}{format_expression(number) if isinstance(number, syntax.Variable) else number}"

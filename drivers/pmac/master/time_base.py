@@ -139,10 +139,10 @@ def real_time_counts_per_ms(factor: int) -> Fraction:
 
 def increment_units(factor: int, master_parts: int) -> int:
     """Return the trajectory time of a servo cycle, 2^-23 ms, for master counts in 1/32; it saturates at 1 ms."""
-    return _saturated(_UNITS_PER_PART * factor * master_parts)
+    return _saturate_units(_UNITS_PER_PART * factor * master_parts)
 
 
-class Trigger(IntEnum):
+class TimeBaseTrigger(IntEnum):
     """The three states of a triggered time base: the method digit of its entry in the conversion table."""
 
     FROZEN = 0x9  # No time passes
@@ -157,7 +157,7 @@ class TriggeredTimeBase:
     The source is the encoder itself, in whole counts, not the converted position.
     """
 
-    state: Trigger
+    state: TimeBaseTrigger
     factor: int
     counts: int = 0
 
@@ -167,10 +167,10 @@ class TriggeredTimeBase:
         `captured` is the count at the trigger, if it came in this cycle: time begins exactly there.
         """
         start, state = self.counts, self.state
-        if state is Trigger.ARMED and captured is not None:
-            start, state = captured, Trigger.RUNNING
-        passed = counts - start if state is Trigger.RUNNING else 0
-        return replace(self, state=state, counts=counts), _saturated(_UNITS_PER_COUNT * self.factor * passed)
+        if state is TimeBaseTrigger.ARMED and captured is not None:
+            start, state = captured, TimeBaseTrigger.RUNNING
+        passed = counts - start if state is TimeBaseTrigger.RUNNING else 0
+        return replace(self, state=state, counts=counts), _saturate_units(_UNITS_PER_COUNT * self.factor * passed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +183,7 @@ class TimeBaseEntry:
     line: int
     source: int
     factor: int
-    trigger: Trigger | None = None
+    trigger: TimeBaseTrigger | None = None
     pmac2_encoder: bool = False
 
     def word(self) -> int:
@@ -215,11 +215,13 @@ def entry_of(line: int, word: int, factor: int) -> TimeBaseEntry | None:
     source = word & _SOURCE_MASK
     if method == TIME_BASE_METHOD:
         return TimeBaseEntry(line=line, source=source, factor=factor)
-    if method not in tuple(Trigger):
+    if method not in tuple(TimeBaseTrigger):
         return None
     pmac2 = bool(word & _TURBO_MODE)
-    return TimeBaseEntry(line=line, source=source, factor=factor, trigger=Trigger(method), pmac2_encoder=pmac2)
+    return TimeBaseEntry(
+        line=line, source=source, factor=factor, trigger=TimeBaseTrigger(method), pmac2_encoder=pmac2
+    )
 
 
-def _saturated(units: int) -> int:
+def _saturate_units(units: int) -> int:
     return max(-WIDEST_UNITS - 1, min(WIDEST_UNITS, units))

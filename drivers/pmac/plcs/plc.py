@@ -37,7 +37,7 @@ LOWEST_COUNT = -(2**23)  # Timers saturate here; they do not roll over (Turbo So
 
 
 @dataclass(frozen=True, slots=True)
-class Addressed:
+class DefaultAddress:
     """The motor and the coordinate system of commands that do not name one."""
 
     motor: int = 1
@@ -56,7 +56,7 @@ class PlcFault:
 class PlcHost(Protocol):
     """Receives the PLC commands that are not about variables, each in program order."""
 
-    def command(self, text: str, port: str, addressed: Addressed) -> None:
+    def command(self, text: str, port: str, addressed: DefaultAddress) -> None:
         """CMD: an on-line command for the background; without a motor or system it is for those addressed."""
 
     def send(self, text: str, port: str) -> None:
@@ -73,10 +73,10 @@ class PlcRun:
     """The state of one PLC from scan to scan."""
 
     def __init__(
-        self, code: PlcCode, variables: VariableStore, host: PlcHost, addressed: Addressed | None = None
+        self, code: PlcCode, variables: VariableStore, host: PlcHost, addressed: DefaultAddress | None = None
     ) -> None:
         """Set `addressed` to what an earlier text of the same PLC has left; at power-up it is #1 and &1."""
-        self.addressed = addressed or Addressed()
+        self.addressed = addressed or DefaultAddress()
         self._code = code
         self._variables = variables
         self._host = host
@@ -233,7 +233,7 @@ class PlcSwitches:
         new = frozenset(numbers) & self.paused
         return PlcSwitches(self.enabled | new, self.at_top, self.paused - new)
 
-    def scanned(self, number: int) -> PlcSwitches:
+    def begin_scan(self, number: int) -> PlcSwitches:
         """Record that a PLC begins a scan: the next one continues where this one ends."""
         return PlcSwitches(self.enabled, self.at_top - {number}, self.paused)
 

@@ -112,7 +112,7 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Ca
     whole = (gain > 0.0).astype(float)
     entries = np.rint(PARTS_PER_COUNT * (np.outer(gain, wave) - held * whole[:, None])).astype(int).ravel()
     return Cam(
-        table=definition.filled([int(entry) for entry in entries[1:]]),
+        table=definition.fill_table([int(entry) for entry in entries[1:]]),
         mean=setup.surface + command.mean_um / setup.tool_count_um + held,
         zero_z=(front - 1) * spacing - INSIDE_MM * per_mm,
         full_z=front * spacing,
@@ -336,7 +336,7 @@ _HELD_CUT = {
 _STEADY_CUT = dict.fromkeys(_HELD_CUT, "") | {"cut": _move("", "P25"), "fed": "P25"}
 
 
-def _filled(template: str, pieces: dict[str, str]) -> str:
+def _fill_template(template: str, pieces: dict[str, str]) -> str:
     for name, piece in pieces.items():
         template = template.replace(f"{{{name}}}", piece)
     return template
@@ -369,7 +369,7 @@ P29=P29+P33*{approach}/3000
 _TURNED = (
     _SET_UP_TURNED.replace("{push_begin}", "{no_hold}{push_begin}")
     + RUN_UP
-    + _filled(_CUT, _HELD_CUT)
+    + _fill_template(_CUT, _HELD_CUT)
     + _OUT.replace("{out_ms}", "{approach}").replace("{y}", SPINDLE_STEP)
     + RUN_DOWN
     + _END
@@ -389,7 +389,7 @@ _FOLLOWED = (
 PVT{approach} ; the tool goes to its mean depth, clear of the part
 X(P11):0 Z(P21):0
 """
-    + _filled(_CUT, _STEADY_CUT)
+    + _fill_template(_CUT, _STEADY_CUT)
     + """\
 P29=P29+P33*{approach}/3000
 X(P20):0 Z(P29):0

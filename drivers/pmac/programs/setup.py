@@ -158,7 +158,7 @@ def refuse_endless(moves: float) -> None:
         )
 
 
-def signed(text: str) -> str:
+def sign_program(text: str) -> str:
     """Return the text of one program, OPEN to CLOSE with lines before, with its signature behind its CLEAR."""
     before, clear, rest = text.rpartition("\nCLEAR\n")
     code = (line.partition(";")[0].strip() for line in rest.rpartition("CLOSE")[0].splitlines())
@@ -168,7 +168,7 @@ def signed(text: str) -> str:
 
 
 def is_signed(listing: Sequence[str]) -> bool:
-    """Whether the listing of a program, in any form of I9, is one that `signed` has made, or its beginning."""
+    """Whether the listing of a program, in any form of I9, is one from `sign_program`, or its beginning."""
     try:
         lines = [format_line(parse_line(line)) for line in without_end(listing)]
     except PmacError:

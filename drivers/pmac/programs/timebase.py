@@ -18,7 +18,7 @@ from drivers.pmac.language.text import format_number
 from drivers.pmac.master.time_base import (
     FASTEST_SLEW,
     TimeBaseEntry,
-    Trigger,
+    TimeBaseTrigger,
     nearest_factor,
     real_time_counts_per_ms,
 )
@@ -69,7 +69,7 @@ def spindle_clock(job: Job, machine: MachineProfile, dialect: Dialect) -> Spindl
         line=len(table.setup),
         source=table.channels[machine.spindle.motor - 1],
         factor=factor,
-        trigger=Trigger.FROZEN,
+        trigger=TimeBaseTrigger.FROZEN,
         pmac2_encoder=table.first_setting is not None,
     )
     return SpindleClock(
@@ -130,8 +130,8 @@ def _clock_values(machine: MachineProfile, clock: SpindleClock, dialect: Dialect
         "source": f"I{dialect.system_index(1, _SOURCE)}",
         "slew": f"I{dialect.system_index(1, _SLEW)}",
         "fastest": FASTEST_SLEW,
-        "frozen": int(Trigger.FROZEN),
-        "armed": int(Trigger.ARMED),
+        "frozen": int(TimeBaseTrigger.FROZEN),
+        "armed": int(TimeBaseTrigger.ARMED),
         "speed": f"I{dialect.motor_index(motor, _JOG_SPEED)}",
         "motor": motor,
         "jog": JOG_MS,

@@ -35,12 +35,12 @@ State = tuple[Vector, Vector]  # Position (counts) and velocity (counts/ms)
 
 
 @dataclass(frozen=True, slots=True)
-class Straight:
+class StraightMove:
     """A move at one velocity, counts/ms."""
 
     velocity: Vector
 
-    def after(self, elapsed_ms: float) -> State:
+    def state_after(self, elapsed_ms: float) -> State:
         """Return the displacement from the start of the move, by its own time, and the velocity."""
         return tuple(v * elapsed_ms for v in self.velocity), self.velocity
 
@@ -50,32 +50,32 @@ class Straight:
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class ArcMove:
     """A move along an arc in a given time, to be cut into segments."""
 
     arc: Arc
     tm_ms: float
     segment_ms: float
 
-    def after(self, elapsed_ms: float) -> State:
+    def state_after(self, elapsed_ms: float) -> State:
         """Return the displacement from the start of the move, by its own time, and the velocity."""
         fraction = elapsed_ms / self.tm_ms
         return self.arc.displacement(fraction), tuple(s / self.tm_ms for s in self.arc.slope(fraction))
 
     def before_end(self, left_ms: float) -> State:
         """Return the displacement from the end of the move (negative), and the velocity."""
-        way, velocity = self.after(self.tm_ms - left_ms)
+        way, velocity = self.state_after(self.tm_ms - left_ms)
         return tuple(w - e for w, e in zip(way, self.arc.displacement(1.0), strict=True)), velocity
 
 
-Course = Straight | Curve
+Course = StraightMove | ArcMove
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurvedBlend(Blend):
     """A blend whose newest move is along a curve; `velocity` is that at its end."""
 
-    curve: Curve
+    curve: ArcMove
 
 
 def lay_course(
@@ -94,10 +94,10 @@ def lay_course(
     after: Blend
     if arc is None:
         velocity = tuple(distance / timing.tm_ms for distance in move.distance)
-        course: Course = Straight(velocity)
+        course: Course = StraightMove(velocity)
         after = Blend(target=target, velocity=velocity, room_ms=room_ms, at_rest=False)
     else:
-        course = Curve(arc, timing.tm_ms, segment_ms)
+        course = ArcMove(arc, timing.tm_ms, segment_ms)
         _, velocity = course.before_end(0.0)
         after = CurvedBlend(target=target, velocity=velocity, room_ms=room_ms, at_rest=False, curve=course)
     pieces = _change_course(blend, course, ta_ms, ts_ms)
@@ -109,41 +109,41 @@ def stop_course(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tup
     if not isinstance(blend, CurvedBlend):
         return stop(blend, ta_ms, ts_ms, limits)
     still, ta_ms, ts_ms = stopping(blend, ta_ms, ts_ms, limits)
-    return _change_course(blend, Straight(still), ta_ms, ts_ms, calculates=False)
+    return _change_course(blend, StraightMove(still), ta_ms, ts_ms, calculates=False)
 
 
 def _change_course(
     blend: Blend, new: Course, ta_ms: float, ts_ms: float, calculates: bool = True
 ) -> tuple[Piece, ...]:
     """Continue to half a ramp before the boundary, then ramp; from rest the ramp begins at once."""
-    old = blend.curve if isinstance(blend, CurvedBlend) else Straight(blend.velocity)
+    old = blend.curve if isinstance(blend, CurvedBlend) else StraightMove(blend.velocity)
 
     def running(elapsed_ms: float) -> State:
         way, velocity = old.before_end(blend.room_ms - elapsed_ms)
         return _sum(blend.target, way), velocity
 
     def turning(elapsed_ms: float) -> State:
-        gone_ms, fraction = _risen(elapsed_ms, ta_ms, ts_ms)
+        gone_ms, fraction = _ramp_progress(elapsed_ms, ta_ms, ts_ms)
         way_out, before = old.before_end(0.5 * ta_ms - elapsed_ms + gone_ms)
-        way_in, after = new.after(gone_ms)
+        way_in, after = new.state_after(gone_ms)
         velocity = tuple((1.0 - fraction) * b + fraction * a for b, a in zip(before, after, strict=True))
         return _sum(_sum(blend.target, way_out), way_in), velocity
 
-    segment_ms = min(course.segment_ms for course in (old, new) if isinstance(course, Curve))
+    segment_ms = min(course.segment_ms for course in (old, new) if isinstance(course, ArcMove))
     run_ms = 0.0 if blend.at_rest else blend.room_ms - 0.5 * ta_ms
     pieces: tuple[Piece, ...] = ()
-    if run_ms > 0.0 and (isinstance(old, Straight) or run_ms < SLIVER_MS):
+    if run_ms > 0.0 and (isinstance(old, StraightMove) or run_ms < SLIVER_MS):
         pieces = (constant(*running(0.0), run_ms),)
     elif run_ms > 0.0:
-        pieces = _cut(running, (0.0, run_ms), segment_ms, calculates=False)
+        pieces = _cut_motion(running, (0.0, run_ms), segment_ms, calculates=False)
     phases = (0.0, *(mark for mark in (ts_ms, ta_ms - ts_ms) if SLIVER_MS < mark < ta_ms - SLIVER_MS), ta_ms)
-    return pieces + _cut(turning, phases, segment_ms, calculates=calculates)
+    return pieces + _cut_motion(turning, phases, segment_ms, calculates=calculates)
 
 
-def _risen(elapsed_ms: float, ta_ms: float, ts_ms: float) -> tuple[float, float]:
+def _ramp_progress(elapsed_ms: float, ta_ms: float, ts_ms: float) -> tuple[float, float]:
     """Return the progress of a ramp: the time gained by the rising move, ms, and its fraction of its speed."""
     if elapsed_ms > 0.5 * ta_ms:
-        gone_ms, fraction = _risen(ta_ms - elapsed_ms, ta_ms, ts_ms)
+        gone_ms, fraction = _ramp_progress(ta_ms - elapsed_ms, ta_ms, ts_ms)
         return elapsed_ms - 0.5 * ta_ms + gone_ms, 1.0 - fraction
     peak = 1.0 / (ta_ms - ts_ms)
     if elapsed_ms < ts_ms:
@@ -154,7 +154,7 @@ def _risen(elapsed_ms: float, ta_ms: float, ts_ms: float) -> tuple[float, float]
     return peak * (ts_ms * ts_ms / 6.0 + 0.5 * linear_ms * (ts_ms + linear_ms)), fraction
 
 
-def _cut(
+def _cut_motion(
     motion: Callable[[float], State], marks: Sequence[float], segment_ms: float, calculates: bool
 ) -> tuple[Piece, ...]:
     """Return cubics between instants at most `segment_ms` apart, the marks among them."""

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from drivers.pmac.axes import AXIS_LETTERS, AxisDefinition, axis_positions, solver_of
-from drivers.pmac.dialect import Setting
+from drivers.pmac.dialect import FamilySetting
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.requests import CircleRequest
 from drivers.pmac.trajectory.circle import Arc, arc_of
@@ -56,7 +56,7 @@ class MotorFrame:
         if self._single is not None:
             counts = tuple([scale * targets[axis] + offset for axis, scale, offset in self._single])
         elif self._inverse:
-            counts = self._solved(targets, here)
+            counts = self._solve_kinematics(targets, here)
         else:
             counts = tuple([d.counts(targets) for d in self.definitions])
         if self._rollover is not None:
@@ -85,7 +85,7 @@ class MotorFrame:
 
     def solve(self, axes: Vector) -> Vector:
         """Return the motor positions for the positions of all axes, in the order of their letters."""
-        counts = self._solved(dict(zip(AXIS_LETTERS, axes, strict=True)), self.still)
+        counts = self._solve_kinematics(dict(zip(AXIS_LETTERS, axes, strict=True)), self.still)
         check_range("position", counts)
         return counts
 
@@ -104,7 +104,7 @@ class MotorFrame:
         check_range("velocity", speeds)
         return counts, speeds
 
-    def _solved(self, targets: Mapping[str, float], here: Vector) -> Vector:
+    def _solve_kinematics(self, targets: Mapping[str, float], here: Vector) -> Vector:
         """Return the motor positions by the kinematics; while they are off, such a motor keeps its position."""
         solved = {} if self._solver is None else self._solver.counts(targets, self._inverse)
         pairs = zip(self.definitions, here, strict=True)
@@ -151,7 +151,7 @@ class MotorFrame:
             definitions,
             tuple(t - h for t, h in zip(target, here, strict=True)),
             radius_limit=self._variables.system(self._system, 96),
-            least_arc=self._variables.setting(Setting.LEAST_ARC, self._system),
+            least_arc=self._variables.setting(FamilySetting.LEAST_ARC, self._system),
         )
 
     def abort_rates(self) -> Vector:
@@ -161,11 +161,11 @@ class MotorFrame:
     @property
     def segment_ms(self) -> float:
         """Segmentation time of moves, I13; 0 is no segmentation."""
-        return self._variables.setting(Setting.SEGMENT_MS, self._system)
+        return self._variables.setting(FamilySetting.SEGMENT_MS, self._system)
 
     def rapid_settings(self) -> list[JogSettings]:
         """Return the jog settings of each motor in a RAPID move: at Ix22, or at Ix16."""
-        fast = Setting.RAPID_AT_PROGRAM_SPEED
+        fast = FamilySetting.RAPID_AT_PROGRAM_SPEED
         return [
             jog_settings(self._variables, motor, 16 if self._variables.setting(fast, motor) else 22)
             for motor in self._motors
@@ -174,7 +174,7 @@ class MotorFrame:
     def jog_delay_ms(self, axes: frozenset[str]) -> float:
         """Return the greatest calculation delay of the motors that drive some axes."""
         moved = [d.motor for d in self.definitions if axes & set(d.axes)]
-        return max((self._variables.setting(Setting.JOG_DELAY_MS, motor) for motor in moved), default=0.0)
+        return max((self._variables.setting(FamilySetting.JOG_DELAY_MS, motor) for motor in moved), default=0.0)
 
 
 class Rollover:

@@ -123,12 +123,12 @@ def _cubic_at(track: Sequence[Piece], instant_ms: float, still: float) -> Cubic:
     for piece in track:
         end_ms = begin_ms + piece.duration_ms
         if end_ms - instant_ms > SLIVER_MS:
-            return _later(piece.cubics[0], instant_ms - begin_ms)
+            return _shift_cubic(piece.cubics[0], instant_ms - begin_ms)
         begin_ms = end_ms
     return (still, 0.0, 0.0, 0.0)
 
 
-def _later(cubic: Cubic, t_ms: float) -> Cubic:
+def _shift_cubic(cubic: Cubic, t_ms: float) -> Cubic:
     """Return the same motion with its time counted from `t_ms` after its beginning."""
     _, _, c2, c3 = cubic
     return position_at(cubic, t_ms), velocity_at(cubic, t_ms), 3.0 * c3 * t_ms + c2, c3

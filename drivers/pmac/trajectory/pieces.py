@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from drivers.pmac.requests import Deferred
+from drivers.pmac.requests import DeferredValue
 
 Vector = tuple[float, ...]  # One number for each motor of a coordinate system, in its fixed order
 Cubic = tuple[float, float, float, float]  # p(t) = c0 + c1 t + c2 t^2 + c3 t^3; counts and ms
@@ -24,7 +24,7 @@ class Piece(NamedTuple):  # a tuple is created three times as fast, and a progra
     cubics: tuple[Cubic, ...]
     calculates: bool = False
     real_time: bool = False
-    deferred: tuple[Deferred, ...] = ()
+    deferred: tuple[DeferredValue, ...] = ()
 
 
 def position_at(cubic: Cubic, t_ms: float) -> float:

@@ -21,7 +21,14 @@ from drivers.pmac.trajectory.frame import MotorFrame
 from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS, rapid, rapid_time_ms
 from drivers.pmac.trajectory.linear import Blend, Limits, LinearMove, at_rest, timing_of
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, position_at, ramp, velocity_at
-from drivers.pmac.trajectory.planned import MoveRecord, Planned, check_segment, circle_time_ms, defer, plain_record
+from drivers.pmac.trajectory.planned_pieces import (
+    MoveRecord,
+    PlannedPieces,
+    check_segment,
+    circle_time_ms,
+    defer,
+    plain_record,
+)
 from drivers.pmac.variables import VariableStore
 
 
@@ -109,10 +116,10 @@ Solve = Callable[[Vector], Vector]
 
 def through_inverse(pieces: Iterable[Piece], segment_ms: float, solve: Solve) -> tuple[Piece, ...]:
     """Return the motion of motors for that of axes."""
-    return tuple(part for piece in pieces for part in _cut(piece, segment_ms, solve))
+    return tuple(part for piece in pieces for part in _cut_piece(piece, segment_ms, solve))
 
 
-def _cut(piece: Piece, segment_ms: float, solve: Solve) -> list[Piece]:
+def _cut_piece(piece: Piece, segment_ms: float, solve: Solve) -> list[Piece]:
     if not any(any(cubic[1:]) for cubic in piece.cubics):
         here = solve(tuple(cubic[0] for cubic in piece.cubics))
         return [constant(here, tuple(0.0 for _ in here), piece.duration_ms)._replace(calculates=piece.calculates)]
@@ -178,7 +185,7 @@ class MotionPlanner:
     def _state(self, state: _State) -> None:
         self._blend, self._pvt_velocity, self._spline, self._after_break, self._axis_blend, self._axes = state
 
-    def plan(self) -> Planned:
+    def plan(self) -> PlannedPieces:
         """Calculate the next request and plan its motion. Raises PmacError: a run-time error of the program."""
         before = self._state
         self._newest = None
@@ -255,14 +262,14 @@ class MotionPlanner:
         self._ahead = replace(ahead, targets=targets)
         self.run.relocate(targets)
 
-    def _lay(self, request: requests.Request) -> Planned:  # noqa: C901 - one branch a case
+    def _lay(self, request: requests.Request) -> PlannedPieces:  # noqa: C901 - one branch a case
         match request:
             case requests.LinearRequest():
                 return self._linear(request)
             case requests.PvtRequest():
                 return self._pvt(request)
             case requests.SplineRequest():
-                return self._splined(request)
+                return self._spline_move(request)
             case requests.CircleRequest():
                 return self._circle(request)
             case requests.RapidRequest():
@@ -275,17 +282,17 @@ class MotionPlanner:
                 return self._dwell(0.0)._replace(event=request)
             case requests.TriggerRequest():
                 return self._dwell(0.0, request.deferred)._replace(event=request)
-            case requests.Finished():
-                return Planned(pieces=self._rest(), finished=True)
+            case requests.EndOfProgram():
+                return PlannedPieces(pieces=self._rest(), finished=True)
 
-    def _linear(self, request: requests.LinearRequest) -> Planned:
+    def _linear(self, request: requests.LinearRequest) -> PlannedPieces:
         if self._frame.along_axes:
             return self._along_axes(request)
         lead = self._lead_blended()
         target = self._frame.counts(request.targets, self.target, request.absolute)
-        return self._blended(request, target, request.tm_ms, lead)
+        return self._blend_move(request, target, request.tm_ms, lead)
 
-    def _along_axes(self, request: requests.LinearRequest | requests.CircleRequest) -> Planned:
+    def _along_axes(self, request: requests.LinearRequest | requests.CircleRequest) -> PlannedPieces:
         """Follow the path of the axes, through the inverse kinematics of each segment; it blends as theirs."""
         lead: tuple[Piece, ...] = ()
         start = tuple([self._axes[axis] for axis in AXIS_LETTERS])
@@ -309,9 +316,9 @@ class MotionPlanner:
         self._blend = at_rest(self._frame.solve(target))
         asked = timing_of(request.ta_ms, request.ts_ms, tm_ms)
         record = MoveRecord(line=request.line, target=self.target, asked=asked, timing=timing)
-        return Planned(pieces=(*lead, *defer(pieces, request.deferred), *self._unblended()), record=record)
+        return PlannedPieces(pieces=(*lead, *defer(pieces, request.deferred), *self._stop_pieces()), record=record)
 
-    def _circle(self, request: requests.CircleRequest) -> Planned:
+    def _circle(self, request: requests.CircleRequest) -> PlannedPieces:
         if self._frame.along_axes:
             return self._along_axes(request)
         start = self._frame.positions(self.target)
@@ -321,18 +328,18 @@ class MotionPlanner:
         lead = self._lead_blended()
         target = self._frame.counts(request.targets, self.target, request.absolute)
         if straight:
-            return self._blended(request, target, tm_ms, lead)
+            return self._blend_move(request, target, tm_ms, lead)
         arc = self._frame.arc(request, start, self.target, target)
-        return self._blended(request, target, circle_time_ms(request, arc.length), lead, arc)
+        return self._blend_move(request, target, circle_time_ms(request, arc.length), lead, arc)
 
-    def _blended(
+    def _blend_move(
         self,
         request: requests.LinearRequest | requests.CircleRequest,
         target: Vector,
         tm_ms: float,
         lead: tuple[Piece, ...],
         arc: Arc | None = None,
-    ) -> Planned:
+    ) -> PlannedPieces:
         ta_ms, ts_ms = request.ta_ms, request.ts_ms
         distance = tuple([place - self.target[at] for at, place in enumerate(target)])
         move = LinearMove(distance=distance, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
@@ -340,9 +347,9 @@ class MotionPlanner:
         laid, self._blend, timing = lay_course(self._blend, move, arc, limits, segment_ms)
         asked = timing_of(ta_ms, ts_ms, tm_ms)
         record = MoveRecord(request.line, target, asked, timing)
-        return Planned((*lead, *defer(laid, request.deferred), *self._unblended()), record)
+        return PlannedPieces((*lead, *defer(laid, request.deferred), *self._stop_pieces()), record)
 
-    def _rapid(self, request: requests.RapidRequest) -> Planned:
+    def _rapid(self, request: requests.RapidRequest) -> PlannedPieces:
         """Jog, and calculate nothing until it is done; a RAPID of no distance takes an interrupt."""
         pieces = self._rest()
         start = self.target
@@ -352,9 +359,9 @@ class MotionPlanner:
         jog = rapid(start, target, settings) or self._wait(self._interrupt_ms())
         self._blend, self._after_break = at_rest(target), True
         record = plain_record(request.line, target, rapid_time_ms(start, target, settings))
-        return Planned(pieces=(*pieces, *defer(jog, request.deferred)), record=record)
+        return PlannedPieces(pieces=(*pieces, *defer(jog, request.deferred)), record=record)
 
-    def _pvt(self, request: requests.PvtRequest) -> Planned:
+    def _pvt(self, request: requests.PvtRequest) -> PlannedPieces:
         lead = self._rest() + self._first_delay() if self._pvt_velocity is None else ()
         check_segment(request.duration_ms)
         start = self.target
@@ -364,9 +371,9 @@ class MotionPlanner:
         self._blend, self._pvt_velocity = at_rest(target), after
         pieces = defer((laid,), request.deferred)
         record = plain_record(request.line, target, request.duration_ms)
-        return Planned((*lead, *pieces) if lead else pieces, record)
+        return PlannedPieces((*lead, *pieces) if lead else pieces, record)
 
-    def _splined(self, request: requests.SplineRequest) -> Planned:
+    def _spline_move(self, request: requests.SplineRequest) -> PlannedPieces:
         duration_ms = request.duration_ms
         check_segment(duration_ms)
         lead: tuple[Piece, ...] = ()
@@ -378,7 +385,7 @@ class MotionPlanner:
         laid, self._spline = add(self._spline, target, duration_ms, next_ms)
         self._blend = at_rest(target)
         record = plain_record(request.line, target, duration_ms)
-        return Planned(pieces=(*lead, *defer((laid,), request.deferred)), record=record)
+        return PlannedPieces(pieces=(*lead, *defer((laid,), request.deferred)), record=record)
 
     def _following_ms(self, duration_ms: float) -> float:
         """Return the time of the following segment; after the last one, that of the last."""
@@ -392,16 +399,16 @@ class MotionPlanner:
     def _dwell(
         self,
         duration_ms: float,
-        deferred: tuple[requests.Deferred, ...] = (),
+        deferred: tuple[requests.DeferredValue, ...] = (),
         settled: tuple[Piece, ...] | None = None,
-    ) -> Planned:
+    ) -> PlannedPieces:
         """Wait at rest; `settled` are the pieces that have brought it to rest, by default those of `_rest`."""
         pieces = self._rest() if settled is None else settled
         self._after_break = True
         # At least one real-time interrupt, or a loop without moves would never let time advance.
         wait_ms = max(duration_ms, 0.0 if pieces and not deferred else self._interrupt_ms())
         waits = [wait._replace(real_time=True, deferred=deferred) for wait in self._wait(wait_ms)]
-        return Planned(pieces=(*pieces, *waits))
+        return PlannedPieces(pieces=(*pieces, *waits))
 
     def _lead_blended(self) -> tuple[Piece, ...]:
         """End what a LINEAR or CIRCLE move cannot blend with, and wait before the first one (I11)."""
@@ -420,7 +427,7 @@ class MotionPlanner:
         """Stand still at the target."""
         return (constant(self.target, self._frame.still, duration_ms),) if duration_ms > 0.0 else ()
 
-    def _unblended(self) -> tuple[Piece, ...]:
+    def _stop_pieces(self) -> tuple[Piece, ...]:
         """Ix92: stop after each move."""
         if not self._variables.system(self._system, 92):
             return ()

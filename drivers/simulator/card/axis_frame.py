@@ -29,11 +29,11 @@ class AxisFrame:
         return tuple(motor.desired for motor in self.motors)
 
     @property
-    def shifted(self) -> tuple[AxisDefinition, ...]:
+    def shifted_definitions(self) -> tuple[AxisDefinition, ...]:
         """The axis definitions with the present origins, in the same order."""
         ordered = [self.definitions[number] for number in sorted(self.definitions)]
         solver = self.kinematics
-        return tuple([d.solved_by(solver) if d.inverse else d.shifted(self._origins) for d in ordered])
+        return tuple([d.solved_by(solver) if d.inverse else d.shift_origins(self._origins) for d in ordered])
 
     @property
     def stopped_at(self) -> Vector | None:
@@ -49,7 +49,7 @@ class AxisFrame:
     def positions(self) -> dict[str, float]:
         """Return the commanded axis positions, in user units."""
         desired = {motor.number: motor.desired for motor in self.motors}
-        return axis_positions({definition.motor: definition for definition in self.shifted}, desired)
+        return axis_positions({definition.motor: definition for definition in self.shifted_definitions}, desired)
 
     def define(self, motor: int, definition: AxisDefinition | None) -> None:
         """Assign a motor to its axes, or clear it; the origins of these axes are cleared."""

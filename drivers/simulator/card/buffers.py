@@ -12,9 +12,9 @@ from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.listing import StoredLine, StoredPlcLine, addresses, stored_line, stored_plc_lines
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.plc_statements import parse_plc_line
-from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.card.table_memory import OpenBuffer
-from drivers.simulator.context import Context, Filling, Reading, Step
+from drivers.simulator.context import Context, FillTarget, LineContext, Step
 
 MAX_LINES = 20_000  # room for one program; a real controller has some tens of thousands of words for all
 ROOM_LINES = 100_000  # room for all of them
@@ -68,9 +68,9 @@ def delete_kinematic(context: Context, kind: str) -> None:
     context.system.kinematic_lines.pop(kind, None)
 
 
-def clear(controller: Controller) -> None:
+def clear(controller: SimulatedController) -> None:
     """CLEAR the open buffer. Raises PmacError: 005, none is open."""
-    opened = _opened(controller)
+    opened = _require_open_buffer(controller)
     if opened.program is not None:
         controller.programs[opened.program].clear()
     elif opened.plc is not None:
@@ -79,12 +79,12 @@ def clear(controller: Controller) -> None:
         _kinematic_lines(controller, opened.kinematic).clear()
 
 
-def close(controller: Controller) -> None:
+def close(controller: SimulatedController) -> None:
     """CLOSE the open buffer, whichever host opened it; without one this is no error."""
     controller.open_buffer = None
 
 
-def delete_program(controller: Controller, number: int) -> None:
+def delete_program(controller: SimulatedController, number: int) -> None:
     """DELETE PROG n. Raises PmacError: 001 while a program runs, 002 protected, 007 the program is open."""
     _refuse_running(controller, "DELETE")
     opened = controller.open_buffer
@@ -94,7 +94,7 @@ def delete_program(controller: Controller, number: int) -> None:
     controller.programs.pop(number, None)
 
 
-def delete_plc(controller: Controller, number: int) -> None:
+def delete_plc(controller: SimulatedController, number: int) -> None:
     """DELETE PLC n. Raises PmacError: 002 protected, 007 the PLC is open."""
     opened = controller.open_buffer
     if opened is not None and opened.plc == number:
@@ -103,7 +103,7 @@ def delete_plc(controller: Controller, number: int) -> None:
     controller.plcs.delete(number)
 
 
-def delete_all(controller: Controller) -> None:
+def delete_all(controller: SimulatedController) -> None:
     """DELETE ALL programs, PLCs, compensation tables and the gather buffer.
 
     Raises PmacError: 001 while a program runs, 002 one is protected, 007 a buffer is open or data are gathered.
@@ -123,7 +123,7 @@ def delete_all(controller: Controller) -> None:
     controller.tables.replace(())
 
 
-def read_stored(scanner: Scanner, reading: Reading) -> Step:
+def read_stored(scanner: Scanner, reading: LineContext) -> Step:
     """Read the rest of the line as program text; a CLOSE at its end is executed.
 
     Raises PmacError: 003 no program; the step, 006 no room.
@@ -135,9 +135,9 @@ def read_stored(scanner: Scanner, reading: Reading) -> Step:
     text = rest[: closing.start()] if closing else rest
     plc_lines: tuple[StoredPlcLine, ...] = ()
     line: StoredLine | None = None
-    if reading.filling is Filling.PLC:
+    if reading.filling is FillTarget.PLC:
         plc_lines = stored_plc_lines(text)
-    elif reading.filling is Filling.KINEMATIC:
+    elif reading.filling is FillTarget.KINEMATIC:
         line = None if text.strip().upper() in ("RETURN", "RET") else stored_kinematic_line(text)
     else:
         line = stored_line(text)
@@ -151,8 +151,8 @@ def read_stored(scanner: Scanner, reading: Reading) -> Step:
     return step
 
 
-def _store(controller: Controller, line: StoredLine | None, plc_lines: tuple[StoredPlcLine, ...]) -> None:
-    opened = _opened(controller)
+def _store(controller: SimulatedController, line: StoredLine | None, plc_lines: tuple[StoredPlcLine, ...]) -> None:
+    opened = _require_open_buffer(controller)
     if opened.program is not None:
         lines = controller.programs[opened.program]
         _refuse_full(controller, len(lines), 1)
@@ -167,25 +167,25 @@ def _store(controller: Controller, line: StoredLine | None, plc_lines: tuple[Sto
         stored += plc_lines
 
 
-def room_lines(controller: Controller) -> int:
+def room_lines(controller: SimulatedController) -> int:
     """Return how many more lines can be stored; table entries and gathered long words take room like them."""
     return ROOM_LINES - stored_lines_in(controller) - controller.tables.entry_count - controller.gather.size
 
 
-def stored_lines_in(controller: Controller) -> int:
+def stored_lines_in(controller: SimulatedController) -> int:
     """Return the number of lines in all programs and PLCs."""
     programs, plcs = controller.programs.values(), controller.plcs.buffers.values()
     kinematic = (lines for system in controller.systems.values() for lines in system.kinematic_lines.values())
     return sum(map(len, programs)) + sum(map(len, plcs)) + sum(map(len, kinematic))
 
 
-def refuse_locked(controller: Controller) -> None:
+def refuse_locked(controller: SimulatedController) -> None:
     """Check that kinematic programs may be read. Raises PmacError: 002, a password is set and was not given."""
     if controller.password.locked:
         raise PmacError(ErrorCode.PASSWORD, "kinematic programs are protected")
 
 
-def refuse_protected(controller: Controller, number: int, protected: range) -> None:
+def refuse_protected(controller: SimulatedController, number: int, protected: range) -> None:
     """Check that a program may be read. Raises PmacError: 002, a password is set and was not given."""
     if number in protected and controller.password.locked:
         raise PmacError(ErrorCode.PASSWORD, f"program {number} is protected")
@@ -200,27 +200,27 @@ def is_program_text(text: str) -> bool:
     return False
 
 
-def _kinematic_lines(controller: Controller, which: tuple[int, str]) -> list[StoredLine]:
+def _kinematic_lines(controller: SimulatedController, which: tuple[int, str]) -> list[StoredLine]:
     system, kind = which
     return controller.systems[system].kinematic_lines.setdefault(kind, [])
 
 
-def _refuse_full(controller: Controller, stored: int, more: int) -> None:
+def _refuse_full(controller: SimulatedController, stored: int, more: int) -> None:
     if stored + more > MAX_LINES or room_lines(controller) < more:
         raise PmacError(ErrorCode.NO_ROOM, f"{MAX_LINES} lines")
 
 
-def _refuse_running(controller: Controller, command: str) -> None:
+def _refuse_running(controller: SimulatedController, command: str) -> None:
     if controller.any_program_running:
         raise PmacError(ErrorCode.NOT_WHILE_RUNNING, command)
 
 
-def _refuse_open(controller: Controller) -> None:
+def _refuse_open(controller: SimulatedController) -> None:
     if controller.open_buffer is not None:
         raise PmacError(ErrorCode.BUFFER_IN_USE, f"{controller.open_buffer} is open")
 
 
-def _opened(controller: Controller) -> OpenBuffer:
+def _require_open_buffer(controller: SimulatedController) -> OpenBuffer:
     if controller.open_buffer is None:
         raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no buffer is open")
     return controller.open_buffer
@@ -232,7 +232,7 @@ class StoredBuffers:
     A program begins behind the words of those before it.
     """
 
-    def __init__(self, controller: Controller) -> None:
+    def __init__(self, controller: SimulatedController) -> None:
         self._controller = controller
         self._places = controller.dialect.buffer_directory
 

@@ -13,13 +13,13 @@ from drivers.pmac.axes import AxisDefinition, refuse_singular
 from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.listing import StoredLine
-from drivers.pmac.language.structure import Code, link
+from drivers.pmac.language.structure import ExecutableProgram, link
 from drivers.pmac.saving import SAVE_S
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.countdown import TimedVariables
 from drivers.simulator.card.gather_buffer import GatherBuffer
-from drivers.simulator.card.guard import Alarm, action_on_fault
+from drivers.simulator.card.guard import MotorFault, action_on_fault
 from drivers.simulator.card.jog_motion import HomeSensor
 from drivers.simulator.card.leads import Conversion, Leads
 from drivers.simulator.card.motor import Motor
@@ -33,7 +33,7 @@ ALL_MOTORS, MOTORS_OF_SYSTEM = 0, 1  # which motors a fault kills
 INDEX_COUNTS = 2000.0  # distance between the home triggers of a motor without a machine
 
 
-class Controller:
+class SimulatedController:
     """State and behaviour of the controller; ports and plants are attached from outside.
 
     `servo_period_ms` is the true rate of the hardware; I10 is only the controller's setting of it. `programs` are
@@ -146,7 +146,7 @@ class Controller:
             alarm = motor.check()
             if alarm is None:
                 continue
-            if alarm is Alarm.TRAVEL:
+            if alarm is MotorFault.TRAVEL:
                 system = self.system_of(motor.number)
                 if system is not None and (system.running or system.moving):
                     system.abort(closing=False)
@@ -285,7 +285,7 @@ class Controller:
     def _count(self, cycles: int) -> None:
         self.cycles += cycles
 
-    def _program_code(self, number: int) -> Code | None:
+    def _program_code(self, number: int) -> ExecutableProgram | None:
         """Return a stored program, None if there is none. Raises PmacError: 009 or 016, it is not well formed."""
         lines = self.programs.get(number)
         return None if lines is None else link(tuple([line.statements for line in lines]))
@@ -301,7 +301,7 @@ class Controller:
             if motor.activated and int(motor.variable(80)) & 1:
                 motor.enable()
 
-    def _trip(self, motor: Motor, alarm: Alarm) -> None:
+    def _trip(self, motor: Motor, alarm: MotorFault) -> None:
         """Kill a faulty motor and the neighbours in its flag mode; the other motors of their program ramp down."""
         system = self.system_of(motor.number)
         action = action_on_fault(self.variables, motor.number)
@@ -311,8 +311,8 @@ class Controller:
         elif action == MOTORS_OF_SYSTEM and system is not None:
             others = system.frame.motors
         self._kill(others)
-        motor.fatal_error = alarm is Alarm.FOLLOWING_ERROR
-        motor.amplifier_fault = alarm is Alarm.AMPLIFIER
+        motor.fatal_error = alarm is MotorFault.FOLLOWING_ERROR
+        motor.amplifier_fault = alarm is MotorFault.AMPLIFIER
 
     def _kill(self, motors: Iterable[Motor]) -> None:
         """Kill motors, and abort the programs that move them; the other motors of those ramp down."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 
 from drivers.pmac.axes import AxisDefinition
-from drivers.pmac.dialect import Setting
+from drivers.pmac.dialect import FamilySetting
 from drivers.pmac.execution.kinematics import kinematics_of
 from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.run import Library, ProgramRun
@@ -117,7 +117,7 @@ class CoordinateSystem:
     def stop_at_block(self) -> None:
         """`/`: stop at the end of the move that is played, where moves are segmented; otherwise as Q does."""
         self.end_of_block_stop = self.running
-        segmented = self._variables.setting(Setting.SEGMENT_MS, self.number) > 0.0
+        segmented = self._variables.setting(FamilySetting.SEGMENT_MS, self.number) > 0.0
         if not (segmented and self.motion.take_back()):
             self.motion.quit()
 

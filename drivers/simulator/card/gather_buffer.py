@@ -14,13 +14,13 @@ from drivers.pmac.gathering.gather import (
     encode_float,
     is_due,
     long_words_of,
-    packed,
+    pack_samples,
     padding_of,
     selected_sources,
     shifts_of,
 )
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.memory import WORD_BITS, Memory, Passing, Pointer
+from drivers.pmac.memory import WORD_BITS, Memory, PassingWord, Pointer
 from drivers.pmac.variables import VariableStore
 
 _LONG_BYTES, _WORD_BYTES = LONG_BITS // 8, WORD_BITS // 8
@@ -39,7 +39,7 @@ class GatherBuffer:
         self._listable = False
         self._sources: tuple[_Source, ...] = ()
         self.by_cycle = False  # an output is gathered: of a stretch of cycles only the last one is known
-        self._passing: tuple[Passing, ...] = ()  # of all sources, or of none
+        self._passing: tuple[PassingWord, ...] = ()  # of all sources, or of none
         self.motors: frozenset[int] | None = None  # those that `sample_stretch` reads; None when it cannot
         self._widths: tuple[int, ...] = ()  # bytes of each source
         self._waiting: list[list[float]] = []  # values by source, of the samples after those in `_data`
@@ -111,7 +111,7 @@ class GatherBuffer:
         self._waiting.clear()
 
     @property
-    def due(self) -> bool:
+    def is_due(self) -> bool:
         """Whether the next call of `sample` takes one."""
         return is_due(self._cycle, self._period)
 
@@ -120,7 +120,7 @@ class GatherBuffer:
         """Return after how many more servo cycles the buffer is full."""
         if not self._period:
             return 1
-        samples = (self.size * _LONG_BYTES - self._filled) // self._sample_bytes
+        samples = (self.size * _LONG_BYTES - self._filled_bytes) // self._sample_bytes
         return -self._cycle % self._period + (samples - 1) * self._period + 1
 
     def sample(self) -> None:
@@ -164,14 +164,14 @@ class GatherBuffer:
         return [int.from_bytes(self._data[place : place + _LONG_BYTES], "little") for place in places]
 
     @property
-    def _filled(self) -> int:
+    def _filled_bytes(self) -> int:
         """Bytes that are taken."""
         waiting = len(self._waiting[0]) if self._waiting else 0
         return len(self._data) + waiting * self._sample_bytes
 
     @property
     def _has_room(self) -> bool:
-        return self._filled + self._sample_bytes <= self.size * _LONG_BYTES
+        return self._filled_bytes + self._sample_bytes <= self.size * _LONG_BYTES
 
     def _stop_when_full(self) -> None:
         if not self._has_room or not self._period:
@@ -183,7 +183,7 @@ class GatherBuffer:
         """Bring the waiting samples into their bytes."""
         if self._waiting and self._waiting[0]:
             tail = self._padding.to_bytes(self._sample_bytes, "little")[sum(self._widths) :]
-            self._data += packed(self._waiting, self._widths, tail)
+            self._data += pack_samples(self._waiting, self._widths, tail)
             self._waiting = [[] for _ in self._waiting]
 
     def _refuse_running(self, what: str) -> None:

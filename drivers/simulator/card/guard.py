@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from drivers.pmac.dialect import Setting
+from drivers.pmac.dialect import FamilySetting
 from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.variables import VariableStore
 
 _NO_TRAVEL_SWITCHES, _NO_FAULT_INPUT = 1 << 17, 1 << 20  # bits of the flag mode (Ix25, on a Turbo Ixx24)
 
 
-class Alarm(Enum):
+class MotorFault(Enum):
     """Why the controller stops a motor by itself."""
 
     FOLLOWING_ERROR = auto()
@@ -37,12 +37,12 @@ class Guard:
 
 def read_guard(variables: VariableStore, motor: int) -> Guard:
     """Return the present settings of a motor."""
-    mode = int(variables.setting(Setting.FLAG_MODE, motor))
+    mode = int(variables.setting(FamilySetting.FLAG_MODE, motor))
     return Guard(
         fatal_error=_or_none(variables.motor(motor, 11)) / PARTS_PER_COUNT,
         warning_error=_or_none(variables.motor(motor, 12)) / PARTS_PER_COUNT,
         in_position=variables.motor(motor, 28) / PARTS_PER_COUNT,
-        polls=variables.setting(Setting.IN_POSITION_LOOKS, motor),
+        polls=variables.setting(FamilySetting.IN_POSITION_LOOKS, motor),
         highest=variables.motor(motor, 13) or math.inf,
         lowest=variables.motor(motor, 14) or -math.inf,
         switches_used=not mode & _NO_TRAVEL_SWITCHES,
@@ -57,7 +57,7 @@ def _or_none(limit: float) -> float:
 
 def action_on_fault(variables: VariableStore, motor: int) -> int:
     """Return which motors a fault of this one kills: 0 all, 1 those of its coordinate system, 2 or 3 itself."""
-    return int(variables.setting(Setting.FLAG_MODE, motor)) >> 21 & 3
+    return int(variables.setting(FamilySetting.FLAG_MODE, motor)) >> 21 & 3
 
 
 @dataclass(slots=True)

@@ -12,7 +12,7 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.player import Player
 
 
-class Stage(Enum):
+class TriggerStage(Enum):
     """The stages of a move that waits for a trigger: a home search, or a jog-until-trigger."""
 
     SEARCHING = auto()
@@ -33,7 +33,7 @@ class JogMotion:
 
     def __init__(self, motor: int, variables: VariableStore) -> None:
         self.player: Player | None = None
-        self.stage: Stage | None = None
+        self.stage: TriggerStage | None = None
         self.homes = False
         self.aborting = False
         self.pre_jog = False
@@ -67,13 +67,13 @@ class JogMotion:
 
     def seek(self, *, homes: bool, past_trigger: float = 0.0) -> None:
         """Let the move that has just begun wait for the trigger, to end this many counts past it."""
-        self.stage = Stage.SEARCHING
+        self.stage = TriggerStage.SEARCHING
         self.homes, self._past_trigger = homes, past_trigger
 
     def stop_past(self, trigger: float, here: float, velocity: float) -> None:
         """Stop because the trigger was found, then go to the end position."""
         self.stop(here, velocity)
-        self.stage = Stage.STOPPING
+        self.stage = TriggerStage.STOPPING
         self._past_trigger += trigger
         if self.player is None:
             self._next_stage(here)
@@ -101,12 +101,12 @@ class JogMotion:
     def _next_stage(self, position: float) -> None:
         """Continue with the next stage when a move has ended: past the trigger, and then nothing."""
         ended, self.stage = self.stage, None
-        if ended is Stage.SEARCHING:
-            self.stage = Stage.MISSED
-        elif ended is Stage.STOPPING:
+        if ended is TriggerStage.SEARCHING:
+            self.stage = TriggerStage.MISSED
+        elif ended is TriggerStage.STOPPING:
             pieces = jog_to(position, self._past_trigger, jog_settings(self._variables, self._motor))
             if pieces:
-                self.stage = Stage.LAST_MOVE
+                self.stage = TriggerStage.LAST_MOVE
                 self._queue(pieces, position)
 
     def _stopping(self, here: float, velocity: float) -> tuple[Piece, ...]:
@@ -136,7 +136,7 @@ class HomeSensor:
     position: float = 0.0
     period: float | None = None
 
-    def passed(self, before: float, after: float) -> float | None:
+    def find_trigger(self, before: float, after: float) -> float | None:
         """Return the machine position of the trigger between `before` and `after`, if any."""
         if self.period is None:
             return self.position if min(before, after) <= self.position else None

@@ -194,7 +194,7 @@ class Leads:
         """Whether tables are all that is active, and motors can be run in an order in which sources come first."""
         return self._places is not None
 
-    def ordered(self, motors: Sequence[Motor]) -> tuple[Motor, ...]:
+    def order_motors(self, motors: Sequence[Motor]) -> tuple[Motor, ...]:
         """Return motors in that order."""
         if motors is not self._order[0]:
             places = self._places or {}
@@ -265,13 +265,13 @@ class Leads:
             return None
         found = [0.0] * cycles
         for table in tables:
-            tracks = [self._passed(source, motor, before) for source in table.definition.sources]
+            tracks = [self._visible_places(source, motor, before) for source in table.definition.sources]
             corrections = table.corrections(tracks)
             for at in range(cycles):
                 found[at] += corrections[at]
         return found
 
-    def _passed(
+    def _visible_places(
         self, source: TableSource, target: Motor, before: Mapping[int, tuple[float, float]]
     ) -> list[float]:
         """Return the places of a source that the target sees: a cycle late if its own number is lower."""

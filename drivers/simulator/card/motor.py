@@ -82,7 +82,7 @@ class Motor(MotorLoop):
     def jog_speed(self, direction: int) -> None:
         """Jog indefinitely in `direction`; 0 stops, and closes the loop of a killed motor."""
         self.enable()
-        if self._barred(direction):
+        if self._is_barred(direction):
             return
         speed = direction * abs(self.variable(22))
         if speed:
@@ -114,7 +114,7 @@ class Motor(MotorLoop):
         speed = self.variable(23)
         self.home_complete = False
         self.travel.sample(self.encoder, inf, -inf, pins_used=self.guard.switches_used)
-        if self._barred(speed):
+        if self._is_barred(speed):
             return
         self.jog.run_at(speed, self.desired, self.velocity)
         self.jog.seek(homes=True)
@@ -144,13 +144,13 @@ class Motor(MotorLoop):
 
     def _go_to(self, target: float, past_trigger: float | None = None) -> None:
         self.enable()
-        if self._barred(target - self.desired):
+        if self._is_barred(target - self.desired):
             return
         self.jog.go_to(target, self.desired, self.velocity)
         if past_trigger is not None and self.jogging:
             self.jog.seek(homes=False, past_trigger=past_trigger)
 
-    def _barred(self, direction: float) -> bool:
+    def _is_barred(self, direction: float) -> bool:
         """Whether a limit blocks the motion. The motor stops, or stays, without any other report."""
         barred = self.travel.bars(direction)
         self.travel.stopped = barred or (self.travel.stopped and not direction)

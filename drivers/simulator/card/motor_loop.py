@@ -8,14 +8,14 @@ from typing import Final, NamedTuple
 from drivers.pmac.reported_velocity import averaged_velocity
 from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.variables import VariableStore
-from drivers.simulator.card.guard import Alarm, Guard, TravelLimits, read_guard
-from drivers.simulator.card.jog_motion import HomeSensor, JogMotion, Stage
-from drivers.simulator.plant.axis import Axis, Scale, counted, counted_along
+from drivers.simulator.card.guard import Guard, MotorFault, TravelLimits, read_guard
+from drivers.simulator.card.jog_motion import HomeSensor, JogMotion, TriggerStage
+from drivers.simulator.plant.axis import Axis, Scale, count_position, counted_along
 
-_SEARCHING: Final = Stage.SEARCHING  # a look-up less in every block
+_SEARCHING: Final = TriggerStage.SEARCHING  # a look-up less in every block
 
 
-class Shown(NamedTuple):
+class MotorReadout(NamedTuple):
     """What registers read of a motor after a servo cycle; `noise` and `noise_before` are of the scale."""
 
     desired: float
@@ -27,7 +27,7 @@ class Shown(NamedTuple):
     noise_before: float
 
 
-class _Kept(NamedTuple):
+class _RecordedStretch(NamedTuple):
     """A stretch as it was run; `commands` is None in open loop, `corrections` where the same one was added."""
 
     track: list[float]
@@ -45,10 +45,10 @@ class Replay:
 
     def __init__(self) -> None:
         self._begun = 0.0, 0.0, 0.0
-        self._kept = _Kept([], None, [], [], 1.0)
+        self._kept = _RecordedStretch([], None, [], [], 1.0)
         self._encoders: list[float] | None = None
         self._commands: list[float] | None = None
-        self._cycles: list[Shown] | None = None
+        self._cycles: list[MotorReadout] | None = None
 
     @property
     def encoders(self) -> list[float]:
@@ -79,14 +79,14 @@ class Replay:
     def encoder_steps(self) -> list[float]:
         """Actual velocity in each cycle, counts per cycle."""
         encoders, (_, actual, noise) = self.encoders, self._begun
-        last, steps = counted(actual + noise), []
+        last, steps = count_position(actual + noise), []
         for encoder in encoders:
             steps.append(encoder - last)
             last = encoder
         return steps
 
     @property
-    def cycles(self) -> list[Shown]:
+    def cycles(self) -> list[MotorReadout]:
         """All of it, cycle by cycle."""
         if self._cycles is None:
             desired, actual, noise_before = self._begun
@@ -98,7 +98,7 @@ class Replay:
                 velocity = [(now - then) / kept.cycle_ms for now, then in zip(commands, before, strict=True)]
             actuals, noises = [actual, *kept.track[:-1]], [noise_before, *noise[:-1]]
             columns = commands, velocity, kept.track, actuals, kept.corrections, noise, noises
-            self._cycles = list(map(Shown, *columns))
+            self._cycles = list(map(MotorReadout, *columns))
         return self._cycles
 
     def begin(self, desired: float, actual: float, noise: float) -> None:
@@ -118,7 +118,7 @@ class Replay:
         cycle_ms: float,
     ) -> None:
         """Keep the stretch just run, with its `commands`, None in open loop, and the `corrections` beside them."""
-        self._kept = _Kept(track, noise, commands, corrections, cycle_ms)
+        self._kept = _RecordedStretch(track, noise, commands, corrections, cycle_ms)
         self._encoders = self._commands = self._cycles = None
 
 
@@ -186,7 +186,7 @@ class MotorLoop:
     @property
     def encoder(self) -> float:
         """Actual position as the encoder counts it."""
-        return counted(self.actual + self.scale.now)
+        return count_position(self.actual + self.scale.now)
 
     @property
     def counter(self) -> float:
@@ -201,7 +201,7 @@ class MotorLoop:
     @property
     def encoder_step(self) -> float:
         """Actual velocity in counts per servo cycle."""
-        return self.encoder - counted(self._last_actual + self.scale.before)
+        return self.encoder - count_position(self._last_actual + self.scale.before)
 
     @property
     def reported_velocity(self) -> float:
@@ -222,12 +222,12 @@ class MotorLoop:
     def in_position(self) -> bool:
         """Closed loop, at rest, no program timer, and within Ix28, for the required number of scans."""
         guard = self.guard
-        return self._poller > guard.polls and self._settled(abs(self.following_error), guard)
+        return self._poller > guard.polls and self._is_settled(abs(self.following_error), guard)
 
-    def judged(self) -> tuple[bool, bool]:
+    def judge_error(self) -> tuple[bool, bool]:
         """Return `warning` and `in_position`, from one sample of the following error."""
         error, guard = abs(self.following_error), self.guard
-        settled = self._poller > guard.polls and self._settled(error, guard)
+        settled = self._poller > guard.polls and self._is_settled(error, guard)
         return self.fatal_error or error > guard.warning_error, settled
 
     @property
@@ -269,8 +269,8 @@ class MotorLoop:
         self.true_position = machine[-1]
         self.pace = machine[-1] - (machine[-2] if cycles > 1 else start)
         if self._averaged is not None:
-            for at in self._averaged.kept(cycles, self.cycles_run):
-                self._averaged.keep(self.encoder if self._losing else counted(track[at] + self.scale.now))
+            for at in self._averaged.kept_cycles(cycles, self.cycles_run):
+                self._averaged.keep(self.encoder if self._losing else count_position(track[at] + self.scale.now))
         self.cycles_run += cycles
         if self._losing:
             self._last_actual = self.actual
@@ -278,7 +278,7 @@ class MotorLoop:
             self._last_actual = track[-2] if cycles > 1 else self.actual
             self.actual = track[-1]
         if not self.enabled:
-            self.desired = counted(self.actual + self.scale.now) - added
+            self.desired = count_position(self.actual + self.scale.now) - added
         if self.jog.stage is _SEARCHING:
             self._search(start, self.true_position)
         return machine
@@ -317,7 +317,7 @@ class MotorLoop:
 
     def passed_index(self, before: float, after: float) -> float | None:
         """Return the home trigger position between two machine positions, if any."""
-        return None if self.index_lost else self._home.passed(before, after)
+        return None if self.index_lost else self._home.find_trigger(before, after)
 
     def follow_master(self, counts: float) -> None:
         """Follow a master by `counts`, in closed loop and as far as the travel limits allow."""
@@ -329,30 +329,30 @@ class MotorLoop:
         self.superimposed += counts
         self._followed_since_scan += counts
 
-    def check(self) -> Alarm | None:
+    def check(self) -> MotorFault | None:
         """Check limits, following error and position, as the background does; return an alarm to act on."""
         if not self.enabled and self._output is None:
             self._poller = 0
             return None
         guard = self.guard
-        here = counted(self.actual + self.scale.now)
+        here = count_position(self.actual + self.scale.now)
         error = abs(self.desired + self.correction + self.superimposed - here) if self.enabled else 0.0
         travel = self.travel
         # A limit that is set is checked even inside Ix13 and Ix14.
         limited = travel.positive or travel.negative or travel.plus_pin or travel.minus_pin
         if limited or not guard.lowest <= here <= guard.highest:
             self._sample_travel(here, guard)
-        self._poller = self._poller + 1 if self.velocity == 0.0 and self._settled(error, guard) else 0
+        self._poller = self._poller + 1 if self.velocity == 0.0 and self._is_settled(error, guard) else 0
         if self.fault_input and guard.fault_used:
-            return Alarm.AMPLIFIER
+            return MotorFault.AMPLIFIER
         if error > guard.fatal_error:
-            return Alarm.FOLLOWING_ERROR
+            return MotorFault.FOLLOWING_ERROR
         followed = self._followed_since_scan + self.correction - self._correction_at_scan
         self._followed_since_scan, self._correction_at_scan = 0.0, self.correction
         if not (travel.positive or travel.negative):
             return None
         heading = (self.velocity or followed) if self._output is None else self._output
-        return Alarm.TRAVEL if heading and not self.jog.aborting and travel.bars(heading) else None
+        return MotorFault.TRAVEL if heading and not self.jog.aborting and travel.bars(heading) else None
 
     def _absorb(self) -> None:
         """Make the followed distance motion of the motor itself; a program continues from the result."""
@@ -370,11 +370,11 @@ class MotorLoop:
 
     def _sample_travel(self, here: float, guard: Guard) -> None:
         """Ignore Ix13 and Ix14 while the home trigger is being searched: the zero is not known then."""
-        seeking_home = self.jog.homes and self.jog.stage is Stage.SEARCHING
+        seeking_home = self.jog.homes and self.jog.stage is TriggerStage.SEARCHING
         highest, lowest = (inf, -inf) if seeking_home else (guard.highest, guard.lowest)
         self.travel.sample(here, highest, lowest, pins_used=guard.switches_used)
 
-    def _settled(self, error: float, guard: Guard) -> bool:
+    def _is_settled(self, error: float, guard: Guard) -> bool:
         return (
             self.enabled
             and self.velocity == 0.0

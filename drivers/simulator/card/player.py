@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import accumulate, repeat
 from typing import Final
 
-from drivers.pmac.requests import Deferred
+from drivers.pmac.requests import DeferredValue
 from drivers.pmac.trajectory.pieces import Piece, Vector, position_at
 
 Refill = Callable[[], Iterable[Piece]]
-Assign = Callable[[tuple[Deferred, ...]], None]
+Assign = Callable[[tuple[DeferredValue, ...]], None]
 FARTHEST_AHEAD: Final = 1000  # cycles; pieces may be endless
 SAME_COUNTS: Final = 1e-6  # two motions no further apart than this are the same
 
@@ -129,7 +129,7 @@ class Player:
         start = self._elapsed_ms
         if self._pace != (count, step_ms):
             self._pace, self._instants = (count, step_ms), [step_ms * k for k in range(1, count + 1)]
-        return self._at(piece, [start + instant for instant in self._instants])
+        return self._positions_at(piece, [start + instant for instant in self._instants])
 
     def whole_cycles(self, cycle_ms: float) -> int:
         """Return for how many servo cycles the present piece certainly goes on in real time, and one more."""
@@ -142,9 +142,9 @@ class Player:
         """Return what so many calls for one cycle would, in real time; no more than `whole_cycles`."""
         times = accumulate(repeat(cycle_ms, count), initial=self._elapsed_ms)
         next(times)
-        return self._at(self._queue[0], list(times))
+        return self._positions_at(self._queue[0], list(times))
 
-    def _at(self, piece: Piece, times: list[float]) -> list[list[float]]:
+    def _positions_at(self, piece: Piece, times: list[float]) -> list[list[float]]:
         """Play up to the last of these times."""
         self._elapsed_ms = times[-1]
         # Terms of the polynomial that are exactly 0 change nothing.

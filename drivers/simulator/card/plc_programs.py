@@ -10,7 +10,7 @@ from drivers.pmac.language.listing import StoredPlcLine
 from drivers.pmac.language.plc_statements import link_plc
 from drivers.pmac.plcs.plc import (
     FOREGROUND_PLC,
-    Addressed,
+    DefaultAddress,
     PlcFault,
     PlcHost,
     PlcRun,
@@ -38,7 +38,7 @@ class PlcPrograms:
         self._variables = variables
         self._host = host
         self._runs: dict[int, PlcRun] = {}
-        self._addressed: dict[int, Addressed] = {}
+        self._addressed: dict[int, DefaultAddress] = {}
         self._order: tuple[int, ...] = ()
         self._ordered = PlcSwitches(), 0.0
 
@@ -135,7 +135,7 @@ class PlcPrograms:
         if number in self.switches.at_top:
             run.restart()
             # Before the scan: it may disable and enable itself, and then begins at its top again.
-            self.switches = self.switches.scanned(number)
+            self.switches = self.switches.begin_scan(number)
         fault = run.scan()
         if fault is not None:
             self.faults[number] = fault

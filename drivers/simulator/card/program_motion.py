@@ -8,11 +8,11 @@ from copy import copy
 
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.requests import Deferred, Halt, HomeRequest, PresetRequest, TriggerRequest
+from drivers.pmac.requests import DeferredValue, Halt, HomeRequest, PresetRequest, TriggerRequest
 from drivers.pmac.settings import I10_PER_MS
 from drivers.pmac.trajectory.circle import CircleRadiusError
 from drivers.pmac.trajectory.pieces import Piece, Vector
-from drivers.pmac.trajectory.planned import Event
+from drivers.pmac.trajectory.planned_pieces import Event
 from drivers.pmac.trajectory.planner import MotionPlanner
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.axis_frame import AxisFrame
@@ -178,7 +178,9 @@ class ProgramMotion:
     def held_at(self) -> Vector | None:
         """Position at which a feed hold has brought the motion to rest, counts; the motors may be jogged then."""
         player = self._player
-        return player.position if player is not None and self._time_base.holding and self._frozen(player) else None
+        return (
+            player.position if player is not None and self._time_base.holding and self._is_frozen(player) else None
+        )
 
     @property
     def dwelling(self) -> bool:
@@ -203,7 +205,7 @@ class ProgramMotion:
     def load(self, run: ProgramRun) -> None:
         """Take a program at its beginning."""
         frame = self._frame
-        self._planner = MotionPlanner(run, frame.shifted, self._variables, frame.places, self.system)
+        self._planner = MotionPlanner(run, frame.shifted_definitions, self._variables, frame.places, self.system)
 
     def begin(self, stepping: bool) -> None:
         """Let the program move the motors, from rest; `stepping` is for one move."""
@@ -273,7 +275,7 @@ class ProgramMotion:
         """Let the program continue from the present motor positions and axis origins."""
         if self._planner is not None:
             self._planner.run.relocate(self._frame.positions())
-            self._planner.relocate(self._frame.places, self._frame.shifted)
+            self._planner.relocate(self._frame.places, self._frame.shifted_definitions)
 
     def sample(self, cycles: int, cycle_ms: float) -> dict[int, list[float]]:
         """Return the commands of a block by motor number, nothing when no motion is being played."""
@@ -282,7 +284,7 @@ class ProgramMotion:
         player = self._player
         if player is not None and self._time_base.real_time:
             tracks = player.sample(cycles, cycle_ms)
-        elif player is None or self._frozen(player):
+        elif player is None or self._is_frozen(player):
             # Time passes: home searches of the program, a hold, or nothing at all.
             self._time_base.advance(cycles)
             self._wait_for_homes()
@@ -309,7 +311,7 @@ class ProgramMotion:
     def _by_motor(self, tracks: list[list[float]]) -> dict[int, list[float]]:
         return {motor.number: tracks[at] for at, motor in enumerate(self._frame.motors)}
 
-    def _frozen(self, player: Player) -> bool:
+    def _is_frozen(self, player: Player) -> bool:
         return self._time_base.stopped and not player.in_real_time
 
     def _play(self) -> None:
@@ -336,7 +338,7 @@ class ProgramMotion:
         self._event, self._newest = planned.event, pieces
         return pieces
 
-    def _assign(self, deferred: tuple[Deferred, ...]) -> None:
+    def _assign(self, deferred: tuple[DeferredValue, ...]) -> None:
         try:
             for each in deferred:
                 self._variables.set(each.kind, each.index, each.value, self.system)
@@ -392,7 +394,7 @@ class ProgramMotion:
     def _seek_triggers(self, request: TriggerRequest) -> None:
         """A move until a trigger: the motors move by themselves until all of them are done."""
         self._player = None
-        moving = [d for d in self._frame.shifted if not request.moving.isdisjoint(d.axes)]
+        moving = [d for d in self._frame.shifted_definitions if not request.moving.isdisjoint(d.axes)]
         for definition in moving:
             triggered = not request.past_trigger.keys().isdisjoint(definition.axes)
             past = definition.distance(request.past_trigger) if triggered else None

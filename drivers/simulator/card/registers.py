@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from drivers.pmac.gathering.gather import decode_float, encode_float
-from drivers.pmac.memory import WORD_BITS, Passing, Pointer
+from drivers.pmac.memory import WORD_BITS, PassingWord, Pointer
 from drivers.pmac.variables import VariableWords
 from drivers.simulator.card import reports
 from drivers.simulator.card.buffers import StoredBuffers
-from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.card.countdown import Countdown
 from drivers.simulator.card.motor import Motor
 
@@ -26,7 +26,7 @@ WORD = (1 << WORD_BITS) - 1
 DOUBLE_BITS = 2 * WORD_BITS
 _HALF = 0xFFFF
 OUTPUT_BIT = 1 << 8  # the 16 bits of an output are the upper ones of its word
-Value = Callable[[Controller, int], float]  # computes the register of a motor or a system, by its number
+Value = Callable[[SimulatedController, int], float]  # computes the register of a motor or a system, by its number
 
 
 def _of_motor(value: Callable[[Motor], float]) -> Value:
@@ -41,7 +41,7 @@ _desired = _position(lambda motor: motor.desired)
 _velocity = _of_motor(lambda motor: motor.encoder_step * motor.variable(9) * PARTS)
 
 
-def _phase_period(controller: Controller, _: int) -> float:
+def _phase_period(controller: SimulatedController, _: int) -> float:
     clock = controller.dialect.phase_clock
     if clock is None:
         return 0.0
@@ -121,7 +121,7 @@ class CardMemory:
     may be timers, and some set up the encoder conversion table.
     """
 
-    def __init__(self, controller: Controller) -> None:
+    def __init__(self, controller: SimulatedController) -> None:
         self._controller = controller
         dialect = controller.dialect
         # The name and the motor or system number of each register, by its space and address.
@@ -143,20 +143,20 @@ class CardMemory:
             case "X" | "Y":
                 width = pointer.width
                 part = self.word(pointer.space, pointer.address) >> pointer.offset & (1 << width) - 1
-                return float(_signed(part, width) if pointer.signed else part)
+                return float(_sign_value(part, width) if pointer.signed else part)
             case "P":
                 return float(self._words.get(("P", pointer.address), 0))
             case "D":
-                return float(_signed(self.double(pointer.address), DOUBLE_BITS))
+                return float(_sign_value(self.double(pointer.address), DOUBLE_BITS))
             case "DP":
-                return float(_signed(self._halves(pointer.address), 32))
+                return float(_sign_value(self._halves(pointer.address), 32))
             case "F":
                 value: float = struct.unpack(">f", self._halves(pointer.address).to_bytes(4, "big"))[0]
                 return value if math.isfinite(value) else 0.0
             case "L":
                 held = self._registers.get(("L", pointer.address))
                 if held is not None:
-                    return self._held(held)
+                    return self._read_register(held)
                 variable = self._variables.variable_at(pointer.address)
                 if variable is not None:
                     return self._controller.variables.get(*variable)
@@ -170,13 +170,15 @@ class CardMemory:
             case "X" | "Y":
                 mask = _mask(pointer.width) << pointer.offset
                 kept = self.word(pointer.space, pointer.address) & ~mask
-                self.set_word(pointer.space, pointer.address, kept | _whole(value) << pointer.offset & mask)
+                self.set_word(
+                    pointer.space, pointer.address, kept | _register_integer(value) << pointer.offset & mask
+                )
             case "P":
-                self._words["P", pointer.address] = _whole(value) & WORD
+                self._words["P", pointer.address] = _register_integer(value) & WORD
             case "D":
-                self.set_double(pointer.address, _whole(value))
+                self.set_double(pointer.address, _register_integer(value))
             case "DP":
-                self._set_halves(pointer.address, _whole(value))
+                self._set_halves(pointer.address, _register_integer(value))
             case "F":
                 self._set_halves(pointer.address, int.from_bytes(_single(value), "big"))
             case "L":
@@ -203,9 +205,9 @@ class CardMemory:
             return None
         name, number = held
         value, controller, mask = READERS[name], self._controller, _mask(DOUBLE_BITS)
-        return lambda: _whole(value(controller, number)) & mask
+        return lambda: _register_integer(value(controller, number)) & mask
 
-    def passing(self, pointer: Pointer) -> Passing | None:
+    def passing(self, pointer: Pointer) -> PassingWord | None:
         """Return how to read a register of a motor in each servo cycle of a stretch; None for other words."""
         held = self._registers.get((pointer.space, pointer.address))
         whole = pointer.space == "D" or pointer.width == WORD_BITS
@@ -214,17 +216,17 @@ class CardMemory:
         name, number = held
         now, passed, controller = READERS[name], PASSED[name], self._controller
         motor = controller.motors[number]
-        return Passing(number, lambda: now(controller, number), lambda: passed(motor))
+        return PassingWord(number, lambda: now(controller, number), lambda: passed(motor))
 
     def word(self, space: str, address: int) -> int:
         """Return an unsigned 24-bit word; `space` is X or Y."""
         # Timers first, which are nothing else: the heartbeat PLC reads them in each of its scans.
         place = space, address
         if place in self._timer_places:
-            return _whole(self._timers.read(place)) & WORD
+            return _register_integer(self._timers.read(place)) & WORD
         held = self._registers.get(place)
         if held is not None:
-            return _whole(self._held(held)) & WORD
+            return _register_integer(self._read_register(held)) & WORD
         line = self._controller.conversion.line_at(address)
         if line is not None:
             conversion = self._controller.conversion
@@ -243,7 +245,7 @@ class CardMemory:
         """Store the lowest 24 bits."""
         line = self._controller.conversion.line_at(address)
         if (space, address) in self._timers:
-            self._timers.write((space, address), float(_signed(value & WORD, WORD_BITS)))
+            self._timers.write((space, address), float(_sign_value(value & WORD, WORD_BITS)))
         elif line is not None and space == "Y":
             self._controller.conversion.set_word(line, value)
         elif not self._variables.set_word(space, address, value & WORD):
@@ -253,7 +255,7 @@ class CardMemory:
         """Return the X word and the Y word, together 48 bits, unsigned."""
         held = self._registers.get(("D", address))
         if held is not None:
-            return _whole(self._held(held)) & _mask(DOUBLE_BITS)
+            return _register_integer(self._read_register(held)) & _mask(DOUBLE_BITS)
         return self.word("X", address) << WORD_BITS | self.word("Y", address)
 
     def set_double(self, address: int, value: int) -> None:
@@ -262,13 +264,13 @@ class CardMemory:
         if name in ("bias", "compensation"):
             motor = self._controller.motors[number]
             scale = motor.variable(8) * PARTS
-            counts = _signed(value & _mask(DOUBLE_BITS), DOUBLE_BITS) / scale if scale else 0.0
+            counts = _sign_value(value & _mask(DOUBLE_BITS), DOUBLE_BITS) / scale if scale else 0.0
             motor.bias, motor.correction = (counts, motor.correction) if name == "bias" else (motor.bias, counts)
             return
         self.set_word("X", address, value >> WORD_BITS)
         self.set_word("Y", address, value)
 
-    def _held(self, register: tuple[str, int]) -> float:
+    def _read_register(self, register: tuple[str, int]) -> float:
         name, number = register
         return READERS[name](self._controller, number)
 
@@ -292,7 +294,7 @@ def _mask(bits: int) -> int:
     return (1 << bits) - 1
 
 
-def _signed(value: int, bits: int) -> int:
+def _sign_value(value: int, bits: int) -> int:
     return value - (1 << bits) if value >> (bits - 1) & 1 else value
 
 
@@ -303,6 +305,6 @@ def _single(value: float) -> bytes:
         return struct.pack(">f", math.copysign(3.4e38, value))
 
 
-def _whole(value: float) -> int:
+def _register_integer(value: float) -> int:
     """Return the integer that a register holds for a value; 0 for one that is not finite."""
     return math.floor(value + 0.5) if math.isfinite(value) else 0

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from drivers.pmac.dialect import Setting
+from drivers.pmac.dialect import FamilySetting
 from drivers.pmac.language.text import format_number
 from drivers.pmac.status import pack
-from drivers.simulator.card.controller import Controller
-from drivers.simulator.card.jog_motion import Stage
+from drivers.simulator.card.controller import SimulatedController
+from drivers.simulator.card.jog_motion import TriggerStage
 from drivers.simulator.card.motor import Motor
 
 VELOCITY_STEP = 0.1  # resolution of V and control-V, in counts per servo cycle
@@ -25,7 +25,7 @@ _MODES = {
 }
 
 
-def position(controller: Controller, motor: Motor) -> str:
+def position(controller: SimulatedController, motor: Motor) -> str:
     """Actual position in counts."""
     return _in_steps(motor.position, controller.dialect.position_step)
 
@@ -40,11 +40,11 @@ def following_error(motor: Motor) -> str:
     return format_number(round(motor.following_error, 3))
 
 
-def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
+def motor_words(controller: SimulatedController, motor: Motor) -> tuple[int, ...]:
     """The two words of `?`."""
     system = controller.system_of(motor.number)
     travel, jog = motor.travel, motor.jog
-    warning, in_position = motor.judged()
+    warning, in_position = motor.judge_error()
     conditions = {
         "activated": motor.activated,
         "negative_limit": travel.negative,
@@ -57,7 +57,7 @@ def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
         "dwell": system is not None and system.motion.dwelling,
         "desired_velocity_zero": motor.enabled and motor.velocity == 0.0,
         "abort_deceleration": jog.aborting,
-        "home_search": jog.stage is Stage.SEARCHING,
+        "home_search": jog.stage is TriggerStage.SEARCHING,
         "assigned": system is not None,
         "amplifier_enabled": motor.amplifier_enabled,
         "stopped_on_limit": travel.stopped,
@@ -76,15 +76,15 @@ def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
     return first, second
 
 
-def system_words(controller: Controller, number: int) -> tuple[int, ...]:
+def system_words(controller: SimulatedController, number: int) -> tuple[int, ...]:
     """The words of `??`, two or three of them."""
     system = controller.systems[number]
     motors, motion, modes = system.frame.motors, system.motion, system.modes
     variables = controller.variables
     continuous = system.running and not motion.single_step and not variables.system(number, _BLENDING_OFF)
     interpolating = not (motion.dwelling or motion.homing)
-    segmented = modes.mode in _SEGMENTED and variables.setting(Setting.SEGMENT_MS, number) > 0.0
-    judged = [motor.judged() for motor in motors]
+    segmented = modes.mode in _SEGMENTED and variables.setting(FamilySetting.SEGMENT_MS, number) > 0.0
+    judged = [motor.judge_error() for motor in motors]
     conditions = {
         **{f"{axis.lower()}_incremental": True for axis in modes.incremental},
         **{f"{axis.lower()}_feedrate": True for axis in modes.feedrate_axes},
@@ -111,7 +111,7 @@ def system_words(controller: Controller, number: int) -> tuple[int, ...]:
     return pack(conditions, dialect.system_bits, dialect.system_words)
 
 
-def global_words(controller: Controller, *, all_cards: bool = False) -> tuple[int, ...]:
+def global_words(controller: SimulatedController, *, all_cards: bool = False) -> tuple[int, ...]:
     """The two words of `???`."""
     opened = controller.open_buffer
     conditions = {

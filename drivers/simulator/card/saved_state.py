@@ -79,7 +79,7 @@ class Flash:
 
     def save(self, controller: Memories) -> None:
         """Save the present state. Raises ProfileError: `file.not_writable`; the earlier state is still there."""
-        state = _taken(controller)
+        state = _take_saved_state(controller)
         if self._path is not None:
             content = json.dumps({"schema": SCHEMA, **asdict(state)}, indent=1).encode("ascii")
             write_atomically(self._path, content, overwrite=True)
@@ -113,7 +113,7 @@ class Flash:
             _put_back(self._state, controller)
 
 
-def _taken(controller: Memories) -> SavedState:
+def _take_saved_state(controller: Memories) -> SavedState:
     variables = controller.variables
     return SavedState(
         family=controller.dialect.name,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import copysign
 
 from drivers.simulator.plant.axis import FARTHEST, ROUNDS, EncoderAxis, Ends, Scale
-from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide, FlexibleMode, Presliding
+from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide, Presliding, SimulatedMode
 from drivers.simulator.plant.servo_gains import NotchFilter, ServoGains, notch_of
 from drivers.simulator.plant.tip_load import TipLoad
 
@@ -33,7 +33,7 @@ class ServoAxis(EncoderAxis):
         scale: Scale | None = None,
         lag_s: float = 0.0,
         load: TipLoad | Presliding | None = None,
-        mode: FlexibleMode | None = None,
+        mode: SimulatedMode | None = None,
     ) -> None:
         """Take the current's time constant `lag_s`, the encoder `scale`, an additional force, a flexible mode."""
         super().__init__(origin)
@@ -44,7 +44,7 @@ class ServoAxis(EncoderAxis):
         self._ends, self._cycle_s = ends, cycle_s
         self._most_acceleration = mass.peak_output_bits * mass.acceleration_per_bit
         self._peak_bits = mass.peak_output_bits
-        self._plant = plant = mass.held(cycle_s)
+        self._plant = plant = mass.zero_order_hold(cycle_s)
         self._held = plant.decay, plant.glide, plant.push_x, plant.push_v
         self._slide = DrySlide(mass, cycle_s, lag_s) if mass.friction or lag_s or load else None
         self._v = 0.0  # counts/s
@@ -236,7 +236,7 @@ class ServoAxis(EncoderAxis):
         x, v, force, plant = self._x, self._v, self.output_bits, self._plant
         decay, glide, push_x, push_v = plant.decay, plant.glide, plant.push_x, plant.push_v
         if not held and not force and x + glide * v == x:
-            self._v = _faded(v, decay, cycles)
+            self._v = _fade_speed(v, decay, cycles)
             return self._resting(cycles)
         ends, origin = self._ends_near(cycles), self.origin
         positions = []
@@ -262,7 +262,7 @@ class ServoAxis(EncoderAxis):
     def _stay(self, positions: list[float]) -> list[float]:
         """Return the last block again. What is left of the speed, too little to move anything, fades."""
         if self._v:
-            self._v = _faded(self._v, self._plant.decay, len(positions))
+            self._v = _fade_speed(self._v, self._plant.decay, len(positions))
         return positions
 
     def _repeats(self, before: tuple[float, ...], commands: Sequence[float]) -> bool:
@@ -326,7 +326,7 @@ class ServoAxis(EncoderAxis):
         self._command, self._command_step = command, step
         notch = self._notch
         if notch is not None:
-            output = notch.filtered(output)
+            output = notch.filter_output(output)
         beyond = abs(output) > self.limit_bits
         if beyond:
             output = copysign(self.limit_bits, output)
@@ -379,7 +379,7 @@ class ServoAxis(EncoderAxis):
         return None if ends.lowest + reach < self._x + self.origin < ends.highest - reach else ends
 
 
-def _faded(v: float, decay: float, cycles: int) -> float:
+def _fade_speed(v: float, decay: float, cycles: int) -> float:
     """Return a speed after so many cycles without a force: each is its own rounding."""
     for _ in range(cycles):
         v = decay * v

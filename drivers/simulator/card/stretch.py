@@ -19,11 +19,11 @@ from typing import Final, Protocol
 
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.gather_buffer import GatherBuffer
-from drivers.simulator.card.jog_motion import Stage
+from drivers.simulator.card.jog_motion import TriggerStage
 from drivers.simulator.card.leads import Leads
 from drivers.simulator.card.motor import Motor
 
-_SEARCHING: Final = Stage.SEARCHING  # a look-up less in every block
+_SEARCHING: Final = TriggerStage.SEARCHING  # a look-up less in every block
 LEAST: Final = 2  # cycles; a single one is cheaper by itself
 
 
@@ -38,7 +38,7 @@ class Load(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Loaded:
+class LoadedAxis:
     """The axis with a load, which is run after the others; in each cycle it is the first."""
 
     load: Load
@@ -57,7 +57,7 @@ class Stretch:
     """The stretches of one controller. `loaded` is the axis under a load of the machine itself, if any is."""
 
     def __init__(self, leads: Leads, systems: Iterable[CoordinateSystem], gather: GatherBuffer) -> None:
-        self.loaded: Loaded | None = None
+        self.loaded: LoadedAxis | None = None
         self._leads = leads
         self._systems = tuple(systems)
         self._gather = gather
@@ -101,7 +101,8 @@ class Stretch:
             number = motor.number
             if loaded is not None and motor is loaded.motor:
                 first, second = (
-                    _ahead(*start, tracks[each.number]) for start, each in zip(starts, loaded.others, strict=True)
+                    _extrapolate_track(*start, tracks[each.number])
+                    for start, each in zip(starts, loaded.others, strict=True)
                 )
                 loaded.load.lead(first, second)
             told = commands.get(number)
@@ -115,12 +116,12 @@ class Stretch:
         self._pass_time(motors, cycles, count)
         return {motor.number: tracks[motor.number] for motor in motors}
 
-    def _loaded_now(self) -> Loaded | None:
+    def _loaded_now(self) -> LoadedAxis | None:
         return self.loaded if self.loaded is not None and self.loaded.load.watches() else None
 
-    def _in_order(self, motors: Sequence[Motor], loaded: Loaded | None) -> Sequence[Motor]:
+    def _in_order(self, motors: Sequence[Motor], loaded: LoadedAxis | None) -> Sequence[Motor]:
         """Return motors in the order in which they can be run."""
-        ordered = self._leads.ordered(motors)
+        ordered = self._leads.order_motors(motors)
         if loaded is None:
             return ordered
         return [*(motor for motor in ordered if motor is not loaded.motor), loaded.motor]
@@ -139,7 +140,7 @@ class Stretch:
         for at in range(cycles):
             count(1)
             if self._gather.running:
-                if self._gather.due:
+                if self._gather.is_due:
                     for motor in motors:
                         motor.show(at)
                 self._gather.sample()
@@ -147,7 +148,7 @@ class Stretch:
             motor.show(cycles - 1)
 
 
-def _ahead(start: float, pace: float, track: Sequence[float]) -> list[tuple[float, float]]:
+def _extrapolate_track(start: float, pace: float, track: Sequence[float]) -> list[tuple[float, float]]:
     """Return the place of an axis in each cycle of a stretch, extrapolated from the one before, and its step.
 
     `start` and `pace` are place and step in the cycle before the stretch.

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, refuse_definition, refuse_deletion
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.plcs.plc import Addressed
+from drivers.pmac.plcs.plc import DefaultAddress
 
 PENDING_LIMIT = 1024  # queued texts of one kind, the oldest are dropped: the controller needs no listener
-ADDRESS_OF_PROGRAMS = Addressed()  # the addressing of a motion program's commands, whichever system runs it
+ADDRESS_OF_PROGRAMS = DefaultAddress()  # the addressing of a motion program's commands, whichever system runs it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Unfilled:
+class _UnfilledTable:
     """A table that still expects entries from its `host`."""
 
     definition: TableDefinition
@@ -33,8 +33,8 @@ class TableMemory:
     def __init__(self) -> None:
         self.tables: Mapping[int, CompensationTable] = {}
         self.revision = 0
-        self._unfilled: dict[int, _Unfilled] = {}
-        self._filling: _Unfilled | None = None
+        self._unfilled: dict[int, _UnfilledTable] = {}
+        self._filling: _UnfilledTable | None = None
 
     @property
     def motors(self) -> frozenset[int]:
@@ -62,7 +62,7 @@ class TableMemory:
         Raises PmacError: those of `refuse_definition`.
         """
         refuse_definition(definition, self.motors, buffers, room_entries)
-        self._filling = self._unfilled[definition.motor] = _Unfilled(definition, host)
+        self._filling = self._unfilled[definition.motor] = _UnfilledTable(definition, host)
         self.revision += 1
 
     def is_filled_by(self, host: object) -> bool:
@@ -80,7 +80,7 @@ class TableMemory:
         filling.entries.extend(entries)
         if len(entries) == target:
             motor = filling.definition.motor
-            self.tables = {**self.tables, motor: filling.definition.filled(filling.entries)}
+            self.tables = {**self.tables, motor: filling.definition.fill_table(filling.entries)}
             del self._unfilled[motor]
             self._filling = None
         self.revision += 1
@@ -105,7 +105,7 @@ class TableMemory:
         self._filling = None
         self.revision += 1
 
-    def _table(self, motor: int) -> CompensationTable | _Unfilled:
+    def _table(self, motor: int) -> CompensationTable | _UnfilledTable:
         table = self._unfilled.get(motor) or self.tables.get(motor)
         if table is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"motor {motor} has no table")
@@ -159,7 +159,7 @@ class CardHost:
     """
 
     def __init__(self, switch_plc: Callable[[bool, tuple[int, ...], bool], None]) -> None:
-        self.pending_commands: deque[tuple[str, str, Addressed]] = deque(maxlen=PENDING_LIMIT)
+        self.pending_commands: deque[tuple[str, str, DefaultAddress]] = deque(maxlen=PENDING_LIMIT)
         self.host_messages: deque[tuple[str, str]] = deque(maxlen=PENDING_LIMIT)
         self._switch_plc = switch_plc
 
@@ -167,7 +167,7 @@ class CardHost:
         """ENABLE, DISABLE, RESUME and PAUSE PLC."""
         self._switch_plc(enable, numbers, keeping)
 
-    def command(self, text: str, port: str, addressed: Addressed = ADDRESS_OF_PROGRAMS) -> None:
+    def command(self, text: str, port: str, addressed: DefaultAddress = ADDRESS_OF_PROGRAMS) -> None:
         """CMD."""
         self.pending_commands.append((text, port, addressed))
 

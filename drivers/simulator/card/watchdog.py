@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from drivers.pmac.families.family import Watchdog
 from drivers.pmac.variables import VariableStore
-from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.card.plc_programs import INTERRUPT_PERIOD
 from drivers.simulator.faults.lines import Lines
 
@@ -23,7 +23,7 @@ def most_cycles(watchdog: Watchdog, variables: VariableStore) -> int:
 class Background:
     """Called after each block of servo cycles. `cycle_ms` is the shortest time between two background cycles."""
 
-    def __init__(self, controller: Controller, lines: Lines) -> None:
+    def __init__(self, controller: SimulatedController, lines: Lines) -> None:
         self._controller = controller
         self._lines = lines
         self._last = controller.cycles

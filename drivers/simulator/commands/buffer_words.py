@@ -28,7 +28,7 @@ from drivers.pmac.language.parser import MESSAGE_READERS
 from drivers.pmac.language.syntax import PlcSwitch
 from drivers.pmac.memory import Pointer
 from drivers.simulator.card import buffers
-from drivers.simulator.context import Context, Filling, Handler, Reading, Step, act, say
+from drivers.simulator.context import Context, FillTarget, Handler, LineContext, Step, act, say
 
 _LOOKAHEAD, _USER_BUFFER = ("LOOKAHEAD", "LOOK"), ("UBUFFER", "UBUF")
 _NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", *_LOOKAHEAD)  # never defined
@@ -37,21 +37,21 @@ _GATHER = ("GATHER", "GAT")
 _CONSTANT = re.compile(r"[+-]?[\d.]")  # first characters of a line of entries; `$` is a command
 
 
-def _open_program(scanner: Scanner, reading: Reading) -> Step:
+def _open_program(scanner: Scanner, reading: LineContext) -> Step:
     number = _program_number(scanner)
-    reading.filling = Filling.PROGRAM  # of the text after it on its line; a refusal ends the line
+    reading.filling = FillTarget.PROGRAM  # of the text after it on its line; a refusal ends the line
     return lambda context: buffers.open_program(context, number)
 
 
-def _open_plc(scanner: Scanner, reading: Reading) -> Step:
+def _open_plc(scanner: Scanner, reading: LineContext) -> Step:
     number = _plc_number(scanner)
-    reading.filling = Filling.PLC
+    reading.filling = FillTarget.PLC
     return lambda context: buffers.open_plc(context, number)
 
 
-def _close(scanner: Scanner, reading: Reading) -> Step:
+def _close(scanner: Scanner, reading: LineContext) -> Step:
     scanner.accept("ALL")
-    reading.filling = Filling.NOWHERE
+    reading.filling = FillTarget.NOWHERE
     return lambda context: buffers.close(context.controller)
 
 
@@ -70,13 +70,13 @@ class WordRange:
         """Return the lines of it, with their addresses. Raises PmacError: 003, it is behind the end."""
         whole, in_full = with_end(lines), context.in_full
         if not self.addressed:
-            return [line.listed(in_full=in_full) for line in whole]
+            return [line.list_line(in_full=in_full) for line in whole]
         *starts, end = addresses(whole)
         if self.first >= end:
             raise PmacError(ErrorCode.DATA_ERROR, f"{end} words")
         last = end if self.count is None else self.first + self.count
         part = range(bisect_left(starts, self.first), bisect_left(starts, last))
-        return [f"{starts[place]}:{whole[place].listed(in_full=in_full)}" for place in part]
+        return [f"{starts[place]}:{whole[place].list_line(in_full=in_full)}" for place in part]
 
 
 def take_range(scanner: Scanner) -> WordRange:
@@ -87,7 +87,7 @@ def take_range(scanner: Scanner) -> WordRange:
     return WordRange(first, scanner.take_integer() if scanner.accept(",") else None, addressed=True)
 
 
-def _list_program(scanner: Scanner, reading: Reading) -> Step:
+def _list_program(scanner: Scanner, reading: LineContext) -> Step:
     """`LIST PROG 1`, `LIST PROG 1,10` from word 10, `LIST PROG 1,10,5` what begins in five words."""
     number, part = _program_number(scanner), take_range(scanner)
 
@@ -102,7 +102,7 @@ def _list_program(scanner: Scanner, reading: Reading) -> Step:
     return step
 
 
-def _list_plc(scanner: Scanner, reading: Reading) -> Step:
+def _list_plc(scanner: Scanner, reading: LineContext) -> Step:
     number, part = _plc_number(scanner), take_range(scanner)
 
     def step(context: Context) -> None:
@@ -116,18 +116,18 @@ def _list_plc(scanner: Scanner, reading: Reading) -> Step:
     return step
 
 
-def _delete_program(scanner: Scanner, reading: Reading) -> Step:
+def _delete_program(scanner: Scanner, reading: LineContext) -> Step:
     number = _program_number(scanner)
     return lambda context: buffers.delete_program(context.controller, number)
 
 
-def _delete_plc(scanner: Scanner, reading: Reading) -> Step:
+def _delete_plc(scanner: Scanner, reading: LineContext) -> Step:
     number = _plc_number(scanner)
     return lambda context: buffers.delete_plc(context.controller, number)
 
 
 def _switch_plc(word: str) -> Handler:
-    def command(scanner: Scanner, reading: Reading) -> Step:
+    def command(scanner: Scanner, reading: LineContext) -> Step:
         switch = MESSAGE_READERS[word](scanner, word)
         assert isinstance(switch, PlcSwitch)
         return lambda context: context.controller.switch_plc(switch.enable, switch.numbers, switch.keeping)
@@ -135,7 +135,7 @@ def _switch_plc(word: str) -> Handler:
     return command
 
 
-def _plc_text(scanner: Scanner, reading: Reading) -> Step:
+def _plc_text(scanner: Scanner, reading: LineContext) -> Step:
     """Prevent a PLC that is typed without its OPEN from aborting with `AND(`, or stepping with `SEND`."""
     raise PmacError(ErrorCode.NO_BUFFER_OPEN, reading.text[:20])
 
@@ -166,7 +166,7 @@ def _refuse_open(context: Context) -> None:
         raise PmacError(ErrorCode.BUFFER_IN_USE, "a buffer is open; CLOSE first")
 
 
-def _define_gather(scanner: Scanner, reading: Reading) -> Step:
+def _define_gather(scanner: Scanner, reading: LineContext) -> Step:
     """`DEFINE GATHER 1000` long words; without a number all available memory, leaving none for programs."""
     wanted = scanner.take_integer()
 
@@ -182,7 +182,7 @@ def _define_gather(scanner: Scanner, reading: Reading) -> Step:
     return step
 
 
-def _define_lookahead(scanner: Scanner, reading: Reading) -> Step:
+def _define_lookahead(scanner: Scanner, reading: LineContext) -> Step:
     """DEFINE LOOKAHEAD 1000,100: accepted, and changes nothing: moves are calculated as without lookahead."""
     if scanner.take_integer() is None:
         raise scanner.refusal("a size as in DEFINE LOOKAHEAD 1000,100")
@@ -191,7 +191,7 @@ def _define_lookahead(scanner: Scanner, reading: Reading) -> Step:
     return _refuse_open
 
 
-def _define_user_buffer(scanner: Scanner, reading: Reading) -> Step:
+def _define_user_buffer(scanner: Scanner, reading: LineContext) -> Step:
     """DEFINE UBUFFER 256: the last words of the buffer storage, plain memory as before, reported by the family."""
     size = scanner.take_integer()
     if size is None:
@@ -218,7 +218,7 @@ def _place_user_buffer(context: Context, size: int) -> None:
         variables.memory.write(Pointer(space="X", address=place.x_address, width=24), float(end - size))
 
 
-def _gather(scanner: Scanner, reading: Reading) -> Step:
+def _gather(scanner: Scanner, reading: LineContext) -> Step:
     if scanner.accept("TRIGGER"):
         raise PmacError(ErrorCode.DATA_ERROR, "GATHER TRIGGER: this card has no input that starts it; GATHER")
     return lambda context: context.controller.gather.start()
@@ -228,14 +228,14 @@ def _end_gather(context: Context) -> None:
     context.controller.gather.running = False
 
 
-def _list_gather(scanner: Scanner, reading: Reading) -> Step:
+def _list_gather(scanner: Scanner, reading: LineContext) -> Step:
     """`LIST GATHER`, `LIST GATHER 100` from long word 100, `LIST GATHER 100,50` fifty of them."""
     first = scanner.take_integer() or 0
     count = scanner.take_integer() if scanner.accept(",") else None
     return lambda context: context.list_lines(listing(context.controller.gather.long_words(first, count)))
 
 
-def fill_table(scanner: Scanner, reading: Reading) -> Step | None:
+def fill_table(scanner: Scanner, reading: LineContext) -> Step | None:
     """Take a line of constants for the table that its host is filling; None when it is not such a line.
 
     Raises PmacError: 003, an invalid entry. More than the table expects is refused, and none of the line accepted.
@@ -251,7 +251,7 @@ def fill_table(scanner: Scanner, reading: Reading) -> Step | None:
     return step
 
 
-def _define_table(scanner: Scanner, reading: Reading) -> Step:
+def _define_table(scanner: Scanner, reading: LineContext) -> Step:
     text, motor_count = scanner.rest, reading.dialect.motor_count
     scan_definition(scanner, 1, motor_count)  # once without effect: the addressed motor is known when it acts
 

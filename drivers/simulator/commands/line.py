@@ -26,9 +26,9 @@ from drivers.simulator.context import (
     ALL_CARDS,
     HIGHEST_CARD,
     Context,
-    Filling,
+    FillTarget,
     Handler,
-    Reading,
+    LineContext,
     Step,
     signed_constant,
 )
@@ -38,22 +38,22 @@ _COMMAND_WORK = 5  # cost of any command, in values read or set
 MOTORS_IN_A_BANK = 8
 
 
-def _refuse_without(reading: Reading) -> None:
+def _refuse_without(reading: LineContext) -> None:
     if reading.dialect.kinematics is None:
         raise PmacError(ErrorCode.DATA_ERROR, "this family has no kinematic programs")
 
 
 def _open(kind: str) -> Handler:
-    def read(scanner: Scanner, reading: Reading) -> Step:
+    def read(scanner: Scanner, reading: LineContext) -> Step:
         _refuse_without(reading)
-        reading.filling = Filling.KINEMATIC
+        reading.filling = FillTarget.KINEMATIC
         return lambda context: buffers.open_kinematic(context, kind)
 
     return read
 
 
 def _list(kind: str) -> Handler:
-    def read(scanner: Scanner, reading: Reading) -> Step:
+    def read(scanner: Scanner, reading: LineContext) -> Step:
         _refuse_without(reading)
         part = take_range(scanner)
 
@@ -70,7 +70,7 @@ def _list(kind: str) -> Handler:
 
 
 def _delete(kind: str) -> Handler:
-    def read(scanner: Scanner, reading: Reading) -> Step:
+    def read(scanner: Scanner, reading: LineContext) -> Step:
         _refuse_without(reading)
         return lambda context: buffers.delete_kinematic(context, kind)
 
@@ -112,7 +112,7 @@ class AddressCard:
         context.lines.append("@" if addressed == ALL_CARDS else str(addressed or 0))
 
 
-def _address_motor(scanner: Scanner, reading: Reading) -> Step:
+def _address_motor(scanner: Scanner, reading: LineContext) -> Step:
     number = scanner.take_integer()
     if number is None:
         return lambda context: context.lines.append(str(context.motor_number))
@@ -127,7 +127,7 @@ def _address_motor(scanner: Scanner, reading: Reading) -> Step:
     return step
 
 
-def _address_bank(scanner: Scanner, reading: Reading) -> Step:
+def _address_bank(scanner: Scanner, reading: LineContext) -> Step:
     """`##1`: the control characters report motors 9 to 16.
 
     With eight motors, and with a space between the signs, it is `#`, and `#1` after it.
@@ -168,7 +168,7 @@ def _axis(scanner: Scanner, motor: int) -> Step:
     return define
 
 
-def _address_system(scanner: Scanner, reading: Reading) -> Step:
+def _address_system(scanner: Scanner, reading: LineContext) -> Step:
     number = scanner.take_integer()
     if number is None:
         return lambda context: context.lines.append(str(context.system_number))
@@ -181,7 +181,7 @@ def _address_system(scanner: Scanner, reading: Reading) -> Step:
     return step
 
 
-def _undefine(scanner: Scanner, reading: Reading) -> Step:
+def _undefine(scanner: Scanner, reading: LineContext) -> Step:
     """UNDEFINE the axes of the addressed coordinate system, UNDEFINE ALL those of every one."""
     every = scanner.accept("ALL")
 
@@ -258,28 +258,28 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
 
 def read_line(text: str, dialect: Dialect) -> None:
     """Read a line as a controller does while no buffer is open; nothing acts. Raises PmacError: not understood."""
-    _remembered(text, dialect)
+    _parse_stateless_line(text, dialect)
 
 
 def _read(text: str, context: Context) -> tuple[Step, ...]:
     """Read a line. Raises PmacError: it was not understood."""
     filling = context.filling
     if "@" in text:
-        return _addressed(text, context)
-    if filling is Filling.NOWHERE and not context.controller.tables.is_filled_by(context):
-        return _remembered(text, context.dialect)
-    return tuple(_commands(Scanner(text), Reading(text, context.dialect, filling), _first_of(context)))
+        return _parse_addressed_line(text, context)
+    if filling is FillTarget.NOWHERE and not context.controller.tables.is_filled_by(context):
+        return _parse_stateless_line(text, context.dialect)
+    return tuple(_commands(Scanner(text), LineContext(text, context.dialect, filling), _first_of(context)))
 
 
 @lru_cache(maxsize=MOST_REMEMBERED)
-def _remembered(text: str, dialect: Dialect) -> tuple[Step, ...]:
+def _parse_stateless_line(text: str, dialect: Dialect) -> tuple[Step, ...]:
     """Return the commands of a line that fills nothing: they depend on its text and the family alone."""
-    return tuple(_commands(Scanner(text), Reading(text, dialect), (_constant,)))
+    return tuple(_commands(Scanner(text), LineContext(text, dialect), (_constant,)))
 
 
-def _addressed(text: str, context: Context) -> tuple[Step, ...]:
+def _parse_addressed_line(text: str, context: Context) -> tuple[Step, ...]:
     """Return the commands of a line that names controllers, without those for another one."""
-    reading, scanner = Reading(text, context.dialect, context.filling), Scanner(text)
+    reading, scanner = LineContext(text, context.dialect, context.filling), Scanner(text)
     steps: list[Step] = []
     heard, first = answers(context), _first_of(context)
     while not scanner.at_end:
@@ -296,7 +296,7 @@ def _addressed(text: str, context: Context) -> tuple[Step, ...]:
     return tuple(steps)
 
 
-_Whole = Callable[[Scanner, Reading], Step | None]
+_Whole = Callable[[Scanner, LineContext], Step | None]
 """Reads a line that is constants only, or returns None."""
 
 
@@ -305,7 +305,7 @@ def _first_of(context: Context) -> tuple[_Whole, ...]:
     return (buffer_words.fill_table, _constant) if filled else (_constant,)
 
 
-def _commands(scanner: Scanner, reading: Reading, whole: tuple[_Whole, ...]) -> Iterator[Step]:
+def _commands(scanner: Scanner, reading: LineContext, whole: tuple[_Whole, ...]) -> Iterator[Step]:
     """Yield the commands up to the end of the line, or up to the next `@`.
 
     A word is taken as long as it can be, and what is left of it is no command: the `R` of RESUME runs nothing. So
@@ -329,7 +329,7 @@ class _Kind(Enum):
     REPORT, ACTION, TEXT = range(3)
 
 
-def _command(scanner: Scanner, reading: Reading) -> tuple[Step, _Kind]:
+def _command(scanner: Scanner, reading: LineContext) -> tuple[Step, _Kind]:
     if reading.fills and not _IMMEDIATE.match(scanner.rest):
         word = _word(scanner, _ALWAYS)
         if word is None:
@@ -365,7 +365,7 @@ def _word(scanner: Scanner, words: re.Pattern[str]) -> str | None:
     return word
 
 
-def _constant(scanner: Scanner, reading: Reading) -> Step | None:
+def _constant(scanner: Scanner, reading: LineContext) -> Step | None:
     """Set P0 from a line that is only a number (User Manual, Special-Use P-Variable)."""
     start = scanner.mark()
     value = None if reading.fills else signed_constant(scanner)

@@ -14,7 +14,7 @@ from drivers.pmac.status import digits_of
 from drivers.simulator.card import buffers, reports
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.motor import Motor
-from drivers.simulator.context import ALL_CARDS, LINE_WORK, Context, Handler, Reading, Step, act, say
+from drivers.simulator.context import ALL_CARDS, LINE_WORK, Context, Handler, LineContext, Step, act, say
 from profiles.problem import ProfileError
 
 Action = Callable[[Context], str | None]  # the function; it returns the text for the host, None when there is none
@@ -36,7 +36,7 @@ def control(letter: str) -> int:
 CONTROL_X = control("X")  # discards pending input and output
 
 
-def _each(act: Callable[[CoordinateSystem], None]) -> Action:
+def _for_each_system(act: Callable[[CoordinateSystem], None]) -> Action:
     return lambda context: context.controller.each_system(act)
 
 
@@ -66,10 +66,10 @@ ACTING: Mapping[int, Action] = {
     control("A"): lambda context: context.controller.abort_all(),
     control("D"): lambda context: context.controller.plcs.disable_all(),
     control("K"): lambda context: context.controller.kill_all(),
-    control("O"): _each(CoordinateSystem.hold),
-    control("Q"): _each(CoordinateSystem.quit),
-    control("R"): _each(CoordinateSystem.run),
-    control("S"): _each(CoordinateSystem.step),
+    control("O"): _for_each_system(CoordinateSystem.hold),
+    control("Q"): _for_each_system(CoordinateSystem.quit),
+    control("R"): _for_each_system(CoordinateSystem.run),
+    control("S"): _for_each_system(CoordinateSystem.step),
 }
 """They act as soon as they arrive, before every pending line."""
 
@@ -97,7 +97,7 @@ def count_marks(scanner: Scanner, text: str) -> int:
     return marks
 
 
-def _status(scanner: Scanner, reading: Reading) -> Step:
+def _status(scanner: Scanner, reading: LineContext) -> Step:
     report = _STATUS[count_marks(scanner, reading.text) - 1]
     return lambda context: context.lines.append(report(context))
 
@@ -120,7 +120,7 @@ LETTERS: dict[str, Handler] = {letter: say(report) for letter, report in _REPORT
 
 
 def _identify(word: str) -> Handler:
-    def read(scanner: Scanner, reading: Reading) -> Step:
+    def read(scanner: Scanner, reading: LineContext) -> Step:
         reply = reading.dialect.replies.get(word)
         if reply is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"{word} is no word of this family")
@@ -154,7 +154,7 @@ def _work_of_all(context: Context) -> int:
     return kept + buffers.stored_lines_in(controller) * LINE_WORK
 
 
-def _password(scanner: Scanner, reading: Reading) -> Step:
+def _password(scanner: Scanner, reading: LineContext) -> Step:
     """`PASSWORD=text`: everything up to the end of the line, as typed."""
     scanner.expect("=")
     rest = len(scanner.rest)
@@ -163,7 +163,7 @@ def _password(scanner: Scanner, reading: Reading) -> Step:
     return lambda context: context.controller.password.give(text)
 
 
-def _ring(scanner: Scanner, reading: Reading) -> Step:
+def _ring(scanner: Scanner, reading: LineContext) -> Step:
     """MS, MSR, MSW, MSCLRF: words for a station of a MACRO ring, and there is no ring.
 
     Raises PmacError: 003, no station; the step, 008, it does not answer.

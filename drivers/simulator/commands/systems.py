@@ -15,7 +15,7 @@ from drivers.pmac.trajectory.frame import FARTHEST_COUNTS
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.motor import Motor
 from drivers.simulator.card.program_motion import Place
-from drivers.simulator.context import Context, Handler, Reading, Step, act, say, signed_constant
+from drivers.simulator.context import Context, Handler, LineContext, Step, act, say, signed_constant
 
 LABELS = 100_000  # the fraction after a program number is a label in units of 1/100000: `B1.1` is label N10000
 _PRESET_WORK = 30  # cost in variables read: the positions of every axis are recomputed
@@ -38,7 +38,7 @@ def set_axis(scanner: Scanner) -> Step | None:
     return step
 
 
-def _point(scanner: Scanner, reading: Reading) -> Step:
+def _point(scanner: Scanner, reading: LineContext) -> Step:
     number = scanner.take_number()
     if number is None:
         raise scanner.refusal("a program number as in B1")
@@ -57,7 +57,7 @@ def _start(start: Callable[[CoordinateSystem], None]) -> Handler:
     return act(action)
 
 
-def _override(scanner: Scanner, reading: Reading) -> Step:
+def _override(scanner: Scanner, reading: LineContext) -> Step:
     """`%50` sets the override, `%` reports the present time base."""
     percent = scanner.take_number()
     if percent is None:
@@ -74,7 +74,7 @@ def _place(context: Context, place: Place) -> str:
 def _list_place(read: Callable[[CoordinateSystem], Place]) -> Handler:
     """`LIST PC` and `LIST PC,3`: the place, and that many lines of the program from there."""
 
-    def command(scanner: Scanner, reading: Reading) -> Step:
+    def command(scanner: Scanner, reading: LineContext) -> Step:
         count = scanner.take_integer() if scanner.accept(",") else 1
         if count is None:
             raise scanner.refusal("a number of lines")
@@ -87,7 +87,7 @@ def _list_from(context: Context, place: Place, count: int) -> None:
     program, first = place
     buffer = context.controller.programs.get(program, [])
     lines, starts = buffer[first : first + count], addresses(buffer)[first:]
-    texts = [line.listed(in_full=context.in_full) for line in lines]
+    texts = [line.list_line(in_full=context.in_full) for line in lines]
     context.list_lines([f"P{program}:{start}:{text}" for start, text in zip(starts, texts, strict=False)])
     if not lines:
         context.lines.append(_place(context, place))
@@ -143,7 +143,7 @@ def _free_motor(context: Context) -> Motor:
 _Target = Callable[[Motor], float]
 
 
-def _jog(scanner: Scanner, reading: Reading) -> Step:
+def _jog(scanner: Scanner, reading: LineContext) -> Step:
     for sign, direction in (("+", 1), ("-", -1), ("/", 0)):
         if scanner.accept(sign):
             return _jog_speed(direction)
@@ -171,13 +171,13 @@ def _jog_speed(direction: int) -> Step:
 
 
 def _jog_to(target: _Target, past_trigger: float | None) -> Step:
-    return _of_motor(lambda motor: motor.jog_to(_reached(target(motor)), past_trigger))
+    return _of_motor(lambda motor: motor.jog_to(_check_jog_target(target(motor)), past_trigger))
 
 
 def _jog_by(distance: _Target, past_trigger: float | None, *, from_actual: bool) -> Step:
     def act(motor: Motor) -> None:
         counts = distance(motor)
-        _reached((motor.encoder if from_actual else motor.desired) + counts)
+        _check_jog_target((motor.encoder if from_actual else motor.desired) + counts)
         motor.jog_by(counts, from_actual=from_actual, past_trigger=past_trigger)
 
     return _of_motor(act)
@@ -191,7 +191,7 @@ def _amount(scanner: Scanner) -> _Target | None:
     return None if counts is None else lambda motor: counts
 
 
-def _reached(counts: float) -> float:
+def _check_jog_target(counts: float) -> float:
     """Return a jog target, checked as for programs. Raises PmacError: 003, beyond the range of the registers."""
     if not abs(counts) <= FARTHEST_COUNTS:
         raise PmacError(ErrorCode.DATA_ERROR, f"a jog to {counts:g} counts, {FARTHEST_COUNTS:g} at most")
@@ -205,7 +205,7 @@ def _past_trigger(scanner: Scanner) -> float | None:
     counts = signed_constant(scanner)
     if counts is None:
         raise scanner.refusal("a distance past the trigger")
-    return _reached(counts)
+    return _check_jog_target(counts)
 
 
 def _kill(context: Context) -> None:
@@ -214,7 +214,7 @@ def _kill(context: Context) -> None:
     context.motor.kill()
 
 
-def _open_loop(scanner: Scanner, reading: Reading) -> Step:
+def _open_loop(scanner: Scanner, reading: LineContext) -> Step:
     percent = signed_constant(scanner)
     if percent is None:
         raise scanner.refusal("an output in percent as in O10")

@@ -11,7 +11,7 @@ from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.syntax import Number, VariableKind
 from drivers.pmac.language.text import format_number
 from drivers.pmac.memory import WORD_BITS, Memory, Pointer, scan_pointer
-from drivers.simulator.context import Context, Handler, Reading, Step, signed_constant
+from drivers.simulator.context import Context, Handler, LineContext, Step, signed_constant
 
 _KINDS = {str(kind): kind for kind in VariableKind}
 _KIND = longest_of(tuple(_KINDS))
@@ -24,7 +24,7 @@ _SPACES = {"X": WORD_BITS, "Y": WORD_BITS, "D": 2 * WORD_BITS, "P": WORD_BITS, "
 """Widths, bits; L is a number, P the memory of the program."""
 
 
-def variable(scanner: Scanner, reading: Reading) -> Step | None:
+def variable(scanner: Scanner, reading: LineContext) -> Step | None:
     """Report or assign `P1`, `P1..3`, `P1,3,2`, `P(P1+1)`, `I130=*`, `M1->...`; None when it is none of these.
 
     Raises PmacError: 003, no such variable, range or value.
@@ -36,7 +36,11 @@ def variable(scanner: Scanner, reading: Reading) -> Step | None:
         scanner.reset(start)
         return None
     kind = _KINDS[word]
-    indices = _computed(scanner) if first is None else _constant(_indices(scanner, first, reading), kind, reading)
+    indices = (
+        _read_computed_index(scanner)
+        if first is None
+        else _constant(_indices(scanner, first, reading), kind, reading)
+    )
     if kind is VariableKind.M and scanner.peek("-"):
         if reading.text[scanner.position - 1].isspace():
             # The arrow comes directly after the number (Software Reference, M->).
@@ -49,7 +53,7 @@ def variable(scanner: Scanner, reading: Reading) -> Step | None:
     def report(context: Context) -> None:
         which = indices(context)
         context.work += len(which)
-        context.lines.extend(_reported(context, kind, which))
+        context.lines.extend(_report_values(context, kind, which))
 
     return report
 
@@ -57,14 +61,14 @@ def variable(scanner: Scanner, reading: Reading) -> Step | None:
 _Indices = Callable[[Context], range]
 
 
-def _constant(indices: range, kind: VariableKind, reading: Reading) -> _Indices:
+def _constant(indices: range, kind: VariableKind, reading: LineContext) -> _Indices:
     if indices[-1] > reading.dialect.highest_index:
         highest = reading.dialect.highest_index
         raise PmacError(ErrorCode.DATA_ERROR, f"{kind}{indices[-1]} does not exist; 0 to {highest}")
     return lambda context: indices
 
 
-def _computed(scanner: Scanner) -> _Indices:
+def _read_computed_index(scanner: Scanner) -> _Indices:
     """`(P1+1)`: one variable, whose number is found when the command acts."""
     scanner.expect("(")
     expression = parse_expression(scanner)
@@ -79,7 +83,7 @@ def _computed(scanner: Scanner) -> _Indices:
     return indices
 
 
-def _indices(scanner: Scanner, first: int, reading: Reading) -> range:
+def _indices(scanner: Scanner, first: int, reading: LineContext) -> range:
     most = reading.dialect.highest_index + 1
     if scanner.accept(".."):
         last = scanner.take_integer()
@@ -113,7 +117,7 @@ def _assign(scanner: Scanner, kind: VariableKind, indices: _Indices) -> Step:
     return step
 
 
-def _reported(context: Context, kind: VariableKind, indices: range) -> Iterator[str]:
+def _report_values(context: Context, kind: VariableKind, indices: range) -> Iterator[str]:
     variables, setting = context.variables, kind is VariableKind.I
     in_full = setting and context.in_full
     hexadecimal = setting and int(context.controller.variables.i(9)) & _HEXADECIMAL
@@ -127,7 +131,7 @@ def _reported(context: Context, kind: VariableKind, indices: range) -> Iterator[
         yield f"I{index}={text}" if in_full else text
 
 
-def _point(scanner: Scanner, indices: _Indices, reading: Reading) -> Step:
+def _point(scanner: Scanner, indices: _Indices, reading: LineContext) -> Step:
     if not _DEFINITION.match(scanner.rest):
         return lambda context: _list_pointers(context, indices(context))
     pointer = scan_pointer(scanner, reading.dialect.highest_address)
@@ -155,7 +159,7 @@ def _list_pointers(context: Context, indices: range) -> None:
 def _read_words(space: str, hexadecimal: bool) -> Handler:
     bits = _SPACES[space]
 
-    def command(scanner: Scanner, reading: Reading) -> Step:
+    def command(scanner: Scanner, reading: LineContext) -> Step:
         first = _address(scanner)
         count = scanner.take_integer() if scanner.accept(",") else 1
         if not count or count > MOST_WORDS:
@@ -177,7 +181,7 @@ def _read_words(space: str, hexadecimal: bool) -> Handler:
 
 
 def _write_words(space: str) -> Handler:
-    def command(scanner: Scanner, reading: Reading) -> Step:
+    def command(scanner: Scanner, reading: LineContext) -> Step:
         address = _address(scanner)
         values: list[tuple[Pointer, float]] = []
         while scanner.accept(","):
@@ -206,7 +210,7 @@ def _address(scanner: Scanner) -> int:
     return address
 
 
-def _pointer(space: str, address: int, reading: Reading) -> Pointer:
+def _pointer(space: str, address: int, reading: LineContext) -> Pointer:
     highest = reading.dialect.highest_address
     if address > highest:
         raise PmacError(ErrorCode.DATA_ERROR, f"address ${address:X}, up to ${highest:X}")

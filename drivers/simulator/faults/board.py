@@ -19,7 +19,7 @@ _AFTER_S, _FOR_S = replace(AFTER, name="after_s"), replace(FOR, name="for_s")  #
 
 
 @dataclass(slots=True, kw_only=True)
-class Injected:
+class InjectedFault:
     """A fault that was requested; `ends_s` is infinite for one that lasts until it is cleared."""
 
     fault: Fault
@@ -36,11 +36,11 @@ class FaultBoard:
 
     def __init__(self, site: FaultTarget) -> None:
         self._site = site
-        self._injected: tuple[Injected, ...] = ()
+        self._injected: tuple[InjectedFault, ...] = ()
 
     def inject(
         self, name: str, *, after_s: float = 0.0, for_s: float | None = None, seed: int = 0, **parameters: Value
-    ) -> Injected:
+    ) -> InjectedFault:
         """Inject a fault in `after_s`, for `for_s` or else until `clear`; its random effects use `seed`.
 
         Raises RefusedError: `simulator.fault`, there is no such fault or parameter, or a value is out of range.
@@ -50,7 +50,7 @@ class FaultBoard:
 
     def ask(
         self, name: str, given: Mapping[str, Value], after: Parameter = AFTER, lasting: Parameter = FOR
-    ) -> Injected:
+    ) -> InjectedFault:
         """Do the same as `inject`, with values that may be text, also the times. Raises what `inject` does."""
         fault = find(name)
         times = {time.name: time for time in ((after, SEED) if fault.moment else (after, lasting, SEED))}
@@ -60,7 +60,7 @@ class FaultBoard:
             raise refusal(name, "fault", f"{len(self._injected) + 1}", f"{MOST_FAULTS} at once; `clear` ends them")
         seed = int(timed.get(SEED.name, 0.0))
         begins_s = self._site.lines.now_s() + timed.get(after.name, 0.0)
-        injected = Injected(
+        injected = InjectedFault(
             fault=fault,
             values=values,
             seed=seed,
@@ -72,7 +72,7 @@ class FaultBoard:
         self.follow()
         return injected
 
-    def active(self) -> tuple[Injected, ...]:
+    def active(self) -> tuple[InjectedFault, ...]:
         """Return the faults that are not over, in the order of request; some may be pending."""
         return self._injected
 
@@ -109,7 +109,7 @@ class FaultBoard:
             if injected.running and (injected.ends_s <= now_s or injected.effect.over()):
                 self._end(injected)
 
-    def _end(self, ended: Injected) -> None:
+    def _end(self, ended: InjectedFault) -> None:
         self._injected = tuple(injected for injected in self._injected if injected is not ended)
         if not ended.running:
             return
@@ -121,7 +121,7 @@ class FaultBoard:
                 other.effect.begin()  # the end of one must not undo what both have done
 
 
-def inject_words(board: FaultBoard, name: str, settings: Sequence[str]) -> Injected:
+def inject_words(board: FaultBoard, name: str, settings: Sequence[str]) -> InjectedFault:
     """Inject a fault by its name, with settings `KEY=VALUE`. Raises RefusedError: `simulator.fault`."""
     return board.ask(name, given_in(name, settings))
 

@@ -39,7 +39,7 @@ class Parameter:
     text: bool = False
 
     @property
-    def allowed(self) -> str:
+    def range_text(self) -> str:
         """The range in words."""
         if self.choices:
             return " | ".join(self.choices)
@@ -53,7 +53,7 @@ class Parameter:
         """Return an allowed value, a number as `float`. Raises RefusedError: `simulator.fault`, it is not."""
         fits = self._word(value) if self.text or self.choices else self._number(value)
         if fits is None:
-            raise refusal(fault, self.name, _shown(value), self.allowed)
+            raise refusal(fault, self.name, _shorten_value(value), self.range_text)
         return fits
 
     def _word(self, value: Value) -> str | None:
@@ -82,7 +82,7 @@ def refusal(fault: str, key: str, value: str, limit: str) -> RefusedError:
     return RefusedError(Problem(code="simulator.fault", where=fault, key=key, value=value, limit=limit))
 
 
-def _shown(value: object) -> str:
+def _shorten_value(value: object) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, int) and abs(value) >= 10**MOST_SHOWN:

@@ -15,11 +15,11 @@ from drivers.simulator.faults.catalogue import Value
 from drivers.simulator.faults.lines import CARRIERS, SPOILERS, Carrier, Garbling, Lines, Spoiler
 
 if TYPE_CHECKING:
-    from drivers.simulator.card.controller import Controller
+    from drivers.simulator.card.controller import SimulatedController
     from drivers.simulator.card.motor import Motor
     from drivers.simulator.card.watchdog import Background
     from drivers.simulator.hosts.port import Port
-    from drivers.simulator.plant.spindle import Spindle
+    from drivers.simulator.plant.spindle import SimulatedSpindle
 
 GAIN = 30  # Ix30, the proportional gain
 _CONTROL = re.compile(r"\^[A-Z]")  # a control character in caret notation: no line begins like that
@@ -28,7 +28,7 @@ _Item = TypeVar("_Item")
 _Values = Mapping[str, Value]
 
 
-class Card(Protocol):
+class FaultedController(Protocol):
     """The controller as a host sees it."""
 
     def connect(self) -> Port:
@@ -45,19 +45,19 @@ class Card(Protocol):
 class FaultTarget:
     """The target of faults: `motors` by axis name, `cut` for all connections, `card` as another host sees it."""
 
-    controller: Controller
+    controller: SimulatedController
     motors: Mapping[str, Motor]
     lines: Lines
     background: Background
     cut: Callable[[], None]
-    card: Card
+    card: FaultedController
 
     def motor(self, name: Value) -> Motor:
         """Return the motor of an axis."""
         return self.motors[str(name)]
 
 
-def _nothing() -> None:
+def _do_nothing() -> None:
     pass
 
 
@@ -69,7 +69,7 @@ class Effect:
     """
 
     begin: Callable[[], None]
-    end: Callable[[], None] = _nothing
+    end: Callable[[], None] = _do_nothing
     over: Callable[[], bool] = bool  # never
     outcome: Callable[[], str] = str  # nothing to report
 
@@ -80,16 +80,16 @@ def effect_of(name: str, values: _Values, random: Random, site: FaultTarget) -> 
     fraction, left = float(values.get("share", 1.0)), float(values.get("replies", math.inf))
     if name in SPOILERS:
         spoiler = Spoiler(spoil=SPOILERS[name], random=random, fraction=fraction, left=left)
-        return _listed(spoiler, lines.spoilers, lambda: spoiler.left <= 0)
+        return _list_effect(spoiler, lines.spoilers, lambda: spoiler.left <= 0)
     if name in CARRIERS:
         # The line itself works both ways; the other faults affect the controller's output.
         both_ways, carry = "baud" in values, CARRIERS[name](values)
         carrier = Carrier(carry=carry, both_ways=both_ways, random=random, fraction=fraction, left=left)
-        return _listed(carrier, lines.carriers, lambda: carrier.left <= 0)
+        return _list_effect(carrier, lines.carriers, lambda: carrier.left <= 0)
     return _EFFECTS[name](values, site)
 
 
-def _listed(item: _Item, listed: list[_Item], over: Callable[[], bool]) -> Effect:
+def _list_effect(item: _Item, listed: list[_Item], over: Callable[[], bool]) -> Effect:
     def begin() -> None:
         if item not in listed:
             listed.append(item)
@@ -112,7 +112,7 @@ def _cut_cable(_: _Values, site: FaultTarget) -> Effect:
 def _garbled_line(values: _Values, site: FaultTarget) -> Effect:
     find, replace = (str(values[name]).encode("ascii") for name in ("find", "replace"))
     garbling = Garbling(find=find, replace=replace)
-    return _listed(garbling, site.lines.garblings, lambda: garbling.over)
+    return _list_effect(garbling, site.lines.garblings, lambda: garbling.over)
 
 
 def _limit(values: _Values, site: FaultTarget) -> Effect:
@@ -135,7 +135,7 @@ def _jam(values: _Values, site: FaultTarget) -> Effect:
 
 
 def _ripple(values: _Values, site: FaultTarget) -> Effect:
-    spindle = cast("Spindle", site.motor("spindle").axis)
+    spindle = cast("SimulatedSpindle", site.motor("spindle").axis)
 
     def swing() -> None:
         spindle.ripple_per_turn = int(values["per_turn"])
@@ -156,7 +156,7 @@ def _stranger(values: _Values, site: FaultTarget) -> Effect:
         index = variables.dialect.motor_index(site.motors["tool"].number, GAIN)
         stranger.write(str(values.get("line", f"I{index}={0.9 * variables.i(index):g}")))
 
-    return Effect(begin, stranger.leave, stranger.answered, lambda: stranger.outcome)
+    return Effect(begin, stranger.leave, stranger.is_answered, lambda: stranger.outcome)
 
 
 class _Stranger:
@@ -165,7 +165,7 @@ class _Stranger:
     It is a host like any other: faults of the controller, or of its lines, affect it, too.
     """
 
-    def __init__(self, card: Card) -> None:
+    def __init__(self, card: FaultedController) -> None:
         self.outcome = ""
         self._card = card
         self._port: Port | None = None
@@ -182,7 +182,7 @@ class _Stranger:
         self._port.receive(bytes((ord(line[1]) - ord("@"),)) if control else line.encode("ascii") + b"\r")
         self._card.attend(self._port)
 
-    def answered(self) -> bool:
+    def is_answered(self) -> bool:
         """Whether it has finished."""
         if self._port is None:
             return True

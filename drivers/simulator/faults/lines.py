@@ -1,6 +1,6 @@
 """The lines between the controller and its hosts, with the effects of faults.
 
-`Lines` is the same for every host; each has its own `Outbox` and a `Carriage` for each direction.
+`Lines` is the same for every host; each has its own `HostOutput` and a `LineDirection` for each direction.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Chance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reply:
+class OutgoingReply:
     """The reply to one line: its data, the acceptance or refusal, and the checksum of that.
 
     With `summed`, each line of data has its checksum after its CR, and `checksum` is that of the host's line,
@@ -48,33 +48,33 @@ class Reply:
     summed: bool = False
 
     @property
-    def sent(self) -> bytes:
+    def sent_bytes(self) -> bytes:
         """The bytes as they leave."""
         return self.data + self.end + self.checksum
 
 
-def without_acknowledgement(reply: Reply) -> Reply:
+def without_acknowledgement(reply: OutgoingReply) -> OutgoingReply:
     """Remove the acceptance of a line; a refusal stays."""
     return reply if reply.end.startswith(BELL) else replace(reply, end=b"")
 
 
-def with_empty_line(reply: Reply) -> Reply:
+def with_empty_line(reply: OutgoingReply) -> OutgoingReply:
     """Put an empty line first."""
     checksum = CR if reply.summed else b""  # the checksum of a CR alone is 13, a CR again
     return replace(reply, data=CR + checksum + reply.data)
 
 
-def as_nul(_: Reply) -> Reply:
+def as_nul(_: OutgoingReply) -> OutgoingReply:
     """Replace it with a NUL."""
-    return Reply(data=NUL)
+    return OutgoingReply(data=NUL)
 
 
-def as_bare_bell(_: Reply) -> Reply:
+def as_bare_bell(_: OutgoingReply) -> OutgoingReply:
     """Replace it with a BEL without text."""
-    return Reply(end=BELL)
+    return OutgoingReply(end=BELL)
 
 
-def with_wrong_checksums(reply: Reply) -> Reply:
+def with_wrong_checksums(reply: OutgoingReply) -> OutgoingReply:
     """Make each checksum one too large, if there is any."""
     if not reply.summed:
         return reply
@@ -86,7 +86,7 @@ def _next(checksum: bytes) -> bytes:
     return bytes((byte + 1) & 0xFF for byte in checksum)
 
 
-Spoil = Callable[[Reply], Reply]
+Spoil = Callable[[OutgoingReply], OutgoingReply]
 
 SPOILERS: Mapping[str, Spoil] = {
     "dropped-ack": without_acknowledgement,
@@ -99,7 +99,7 @@ SPOILERS: Mapping[str, Spoil] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Piece:
+class ReplyPiece:
     """Bytes that arrive together: `late_s` after they were sent, and `gap_s` after the last ones, at least."""
 
     data: bytes
@@ -107,26 +107,26 @@ class Piece:
     gap_s: float = 0.0
 
 
-def late(said: bytes, *, delay_s: float) -> list[Piece]:
+def delay_bytes(said: bytes, *, delay_s: float) -> list[ReplyPiece]:
     """All of it arrives late."""
-    return [Piece(data=said, late_s=delay_s)]
+    return [ReplyPiece(data=said, late_s=delay_s)]
 
 
-def split(said: bytes, *, pieces: int, gap_s: float) -> list[Piece]:
+def split(said: bytes, *, pieces: int, gap_s: float) -> list[ReplyPiece]:
     """It arrives in pieces of about the same length; shorter text arrives byte by byte."""
     count = max(1, min(pieces, len(said)))
     ends = [len(said) * number // count for number in range(count + 1)]
     parts = [said[start:end] for start, end in pairwise(ends)]
-    return [Piece(data=part, gap_s=gap_s if number else 0.0) for number, part in enumerate(parts)]
+    return [ReplyPiece(data=part, gap_s=gap_s if number else 0.0) for number, part in enumerate(parts)]
 
 
-def slow(said: bytes, *, baud: float) -> list[Piece]:
+def slow(said: bytes, *, baud: float) -> list[ReplyPiece]:
     """It arrives a character at a time."""
     character_s = CHARACTER_BITS / baud
-    return [Piece(data=said[place : place + 1], gap_s=character_s) for place in range(len(said))]
+    return [ReplyPiece(data=said[place : place + 1], gap_s=character_s) for place in range(len(said))]
 
 
-Carry = Callable[[bytes], list[Piece]]
+Carry = Callable[[bytes], list[ReplyPiece]]
 
 
 def _seconds(values: Mapping[str, Value], key: str) -> float:
@@ -134,7 +134,7 @@ def _seconds(values: Mapping[str, Value], key: str) -> float:
 
 
 CARRIERS: Mapping[str, Callable[[Mapping[str, Value]], Carry]] = {
-    "late-reply": lambda values: partial(late, delay_s=_seconds(values, "delay_ms")),
+    "late-reply": lambda values: partial(delay_bytes, delay_s=_seconds(values, "delay_ms")),
     "split-segments": lambda values: partial(
         split, pieces=int(values["pieces"]), gap_s=_seconds(values, "gap_ms")
     ),
@@ -143,17 +143,17 @@ CARRIERS: Mapping[str, Callable[[Mapping[str, Value]], Carry]] = {
 """By the name of the fault: the effect of its parameters on a unit of bytes."""
 
 
-def combine(pieces: list[Piece], carry: Carry) -> list[Piece]:
+def combine(pieces: list[ReplyPiece], carry: Carry) -> list[ReplyPiece]:
     """Apply a second fault to the result of a first one; both delays add up."""
-    combined: list[Piece] = []
+    combined: list[ReplyPiece] = []
     for piece in pieces:
         first, *rest = carry(piece.data)
-        opening = Piece(data=first.data, late_s=piece.late_s + first.late_s, gap_s=piece.gap_s + first.gap_s)
+        opening = ReplyPiece(data=first.data, late_s=piece.late_s + first.late_s, gap_s=piece.gap_s + first.gap_s)
         combined += [opening, *rest]
     return combined
 
 
-def schedule(pieces: list[Piece], sent_s: float, last_s: float) -> list[tuple[float, bytes]]:
+def schedule(pieces: list[ReplyPiece], sent_s: float, last_s: float) -> list[tuple[float, bytes]]:
     """Return when each piece arrives, after the previous arrival `last_s`; nothing overtakes."""
     arrivals: list[tuple[float, bytes]] = []
     for piece in pieces:
@@ -218,17 +218,17 @@ class Lines:
                 line = line.replace(garbling.find, garbling.replace, 1)
         return line
 
-    def spoiled(self, reply: Reply) -> bytes:
+    def spoil_reply(self, reply: OutgoingReply) -> bytes:
         """Return a reply as the faults leave it."""
         for spoiler in self.spoilers:
-            if spoiler.hits() and (spoilt := spoiler.spoil(reply)).sent != reply.sent:
+            if spoiler.hits() and (spoilt := spoiler.spoil(reply)).sent_bytes != reply.sent_bytes:
                 reply = spoilt
                 spoiler.left -= 1
-        return reply.sent
+        return reply.sent_bytes
 
-    def carried(self, said: bytes, *, inward: bool) -> list[Piece]:
+    def carry_bytes(self, said: bytes, *, inward: bool) -> list[ReplyPiece]:
         """Return the pieces in which bytes arrive."""
-        pieces = [Piece(data=said)]
+        pieces = [ReplyPiece(data=said)]
         for carrier in self.carriers:
             if (carrier.both_ways or not inward) and carrier.hits():
                 carried = combine(pieces, carrier.carry)
@@ -238,7 +238,7 @@ class Lines:
         return pieces
 
 
-class Outbox:
+class HostOutput:
     """The controller's output to one host, a unit for each reply or message; faults have already been applied."""
 
     def __init__(self, lines: Lines) -> None:
@@ -266,7 +266,7 @@ class Outbox:
             self._begun.clear()
         said = data + end + checksum
         if said and self._lines.spoilers:
-            said = self._lines.spoiled(Reply(data=data, end=end, checksum=checksum, summed=summed))
+            said = self._lines.spoil_reply(OutgoingReply(data=data, end=end, checksum=checksum, summed=summed))
         if said:
             self.say(said)
 
@@ -284,7 +284,7 @@ class Outbox:
         self._begun.clear()
 
 
-class Carriage:
+class LineDirection:
     """One direction of a line, with the bytes in transit, in order; without faults all arrives at once."""
 
     def __init__(self, lines: Lines, *, inward: bool) -> None:
@@ -311,7 +311,7 @@ class Carriage:
             self._clearings, self._last_s = lines.clearings, 0.0
             self._in_transit = deque((0.0, data) for _, data in self._in_transit)
         for unit in filter(None, units):
-            arrivals = schedule(lines.carried(unit, inward=self._inward), now_s, self._last_s)
+            arrivals = schedule(lines.carry_bytes(unit, inward=self._inward), now_s, self._last_s)
             self._last_s = arrivals[-1][0]
             self._in_transit.extend(arrivals)
             self.waiting += len(unit)

@@ -57,7 +57,7 @@ class PlainStream:
 Begin = Callable[[SimulatedLathe, Port], PlainStream]  # creates the discipline of a new connection
 
 
-class Turns:
+class TurnScheduler:
     """Repeats work while there is more of it; other hosts have a turn in between."""
 
     def __init__(self, work: Callable[[], bool]) -> None:
@@ -88,7 +88,7 @@ def _reset(transport: asyncio.Transport) -> None:
     transport.abort()
 
 
-class Connection(asyncio.Protocol):
+class HostConnection(asyncio.Protocol):
     """One host on a socket."""
 
     def __init__(self, lathe: SimulatedLathe, hosts: set[Host], discipline: Begin) -> None:
@@ -99,7 +99,7 @@ class Connection(asyncio.Protocol):
         self._ended = False
         self._discipline: PlainStream
         self._transport: asyncio.Transport
-        self._turns: Turns
+        self._turns: TurnScheduler
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Plug the host in."""
@@ -111,7 +111,7 @@ class Connection(asyncio.Protocol):
             transport.abort()
             return
         self._discipline = self._begin(self._lathe, self._port)
-        self._turns = Turns(self._turn)
+        self._turns = TurnScheduler(self._turn)
         self._hosts.add(self)
 
     def data_received(self, data: bytes) -> None:

@@ -60,7 +60,7 @@ def is_loopback(host: str) -> bool:
 _CODES = {ConnectionRefusedError: "link.refused", TimeoutError: "link.no_answer", ConnectionError: "link.lost"}
 
 
-def connected(address: ControlAddress, timeout_s: float) -> socket.socket:
+def connect_control(address: ControlAddress, timeout_s: float) -> socket.socket:
     """Return a connected socket with this timeout for each operation. Raises OSError."""
     if isinstance(address, TcpAddress):
         return socket.create_connection((address.host, address.port), timeout=timeout_s)

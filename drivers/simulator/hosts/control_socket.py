@@ -18,9 +18,9 @@ from contextlib import ExitStack, closing, suppress
 
 from drivers.errors import RefusedError
 from drivers.link.address import TcpAddress
-from drivers.simulator.faults.board import FaultBoard, Injected, inject_words
+from drivers.simulator.faults.board import FaultBoard, InjectedFault, inject_words
 from drivers.simulator.faults.catalogue import CATALOGUE, Value, find, refusal
-from drivers.simulator.hosts.connection import Turns
+from drivers.simulator.hosts.connection import TurnScheduler
 from drivers.simulator.hosts.control_address import LONGEST_LINE, OK, PREFIX, REFUSED, ControlAddress, UnixAddress
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.collision import Collision
@@ -68,9 +68,9 @@ def _obey(lathe: SimulatedLathe, line: str) -> list[str]:  # noqa: C901 - one br
             return list(_help(name))
         case ["inject", name, *settings]:
             injected = inject_words(lathe.faults, name, settings)
-            return [said for said in (_described(injected, lathe.now_s()), injected.effect.outcome()) if said]
+            return [said for said in (_describe_fault(injected, lathe.now_s()), injected.effect.outcome()) if said]
         case ["active"]:
-            active = [_described(injected, lathe.now_s()) for injected in lathe.faults.active()]
+            active = [_describe_fault(injected, lathe.now_s()) for injected in lathe.faults.active()]
             return [*active, *_shut_down(lathe.faults)]
         case ["clear"]:
             lathe.faults.clear()
@@ -87,7 +87,7 @@ def _obey(lathe: SimulatedLathe, line: str) -> list[str]:  # noqa: C901 - one br
 
 
 def _no_command(line: str) -> RefusedError:
-    return refusal("", "command", _shown(line.strip())[:80], " | ".join(WORDS))
+    return refusal("", "command", _escape_line(line.strip())[:80], " | ".join(WORDS))
 
 
 def _help(name: str) -> Iterator[str]:
@@ -96,7 +96,7 @@ def _help(name: str) -> Iterator[str]:
     for parameter in (*fault.parameters, *fault.times):
         unit = f" ({parameter.unit})" if parameter.unit else ""
         default = "" if parameter.default is None else f"; default {_plain(parameter.default)}"
-        yield f"  {parameter.name}{unit}: {parameter.meaning}; {parameter.allowed}{default}"
+        yield f"  {parameter.name}{unit}: {parameter.meaning}; {parameter.range_text}{default}"
 
 
 def _shut_down(board: FaultBoard) -> list[str]:
@@ -106,7 +106,7 @@ def _shut_down(board: FaultBoard) -> list[str]:
     return [f"card shut down by its watchdog at {board.shut_down_s:.3f} s; power-cycle"]
 
 
-def _described(injected: Injected, now_s: float) -> str:
+def _describe_fault(injected: InjectedFault, now_s: float) -> str:
     state = " (waits)" if injected.begins_s > now_s else ""
     values = "".join(f" {key}={shlex.quote(_plain(value))}" for key, value in injected.values.items())
     end = "until it is cleared" if math.isinf(injected.ends_s) else f"to {injected.ends_s:.3f} s"
@@ -123,9 +123,9 @@ def _turn_spindle(lathe: SimulatedLathe, value: str) -> None:
     try:
         lathe.set_spindle(None if value == "off" else float(value))
     except ValueError as error:
-        raise _CannotBeDoneError(f"spindle '{_shown(value)}' is not possible; allowed: RPM | off") from error
+        raise _CannotBeDoneError(f"spindle '{_escape_line(value)}' is not possible; allowed: RPM | off") from error
     except RuntimeError as error:
-        raise _CannotBeDoneError(f"spindle '{_shown(value)}' is not possible; {error}") from error
+        raise _CannotBeDoneError(f"spindle '{_escape_line(value)}' is not possible; {error}") from error
 
 
 def _seen(collision: Collision) -> str:
@@ -134,7 +134,7 @@ def _seen(collision: Collision) -> str:
     return f"{collision.kind}: {where}, at {collision.time_ms:.1f} ms"
 
 
-def _shown(text: str) -> str:
+def _escape_line(text: str) -> str:
     return ascii(text)[1:-1]
 
 
@@ -145,7 +145,7 @@ class ControlHost(asyncio.Protocol):
         self._lathe = lathe
         self._received = bytearray()
         self._ended = self._full = False
-        self._turns = Turns(self._turn)
+        self._turns = TurnScheduler(self._turn)
         self._transport: asyncio.Transport
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -228,7 +228,7 @@ async def listen_for_control(
 def _bind(listening: socket.socket, address: UnixAddress) -> None:
     """Bind the path; one left by a dead process is reused."""
     with suppress(FileNotFoundError):
-        if stat.S_ISSOCK(os.lstat(address.path).st_mode) and not _served(address.path):
+        if stat.S_ISSOCK(os.lstat(address.path).st_mode) and not _is_served(address.path):
             os.unlink(address.path)
     before = os.umask(0o777 & ~OWNER_ONLY)
     try:
@@ -237,7 +237,7 @@ def _bind(listening: socket.socket, address: UnixAddress) -> None:
         os.umask(before)
 
 
-def _served(path: str) -> bool:
+def _is_served(path: str) -> bool:
     with closing(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)) as probe:
         probe.settimeout(SERVED_WITHIN_S)
         try:

@@ -24,7 +24,7 @@ from drivers.pmac.ethernet import (
     write_reply,
 )
 from drivers.simulator.commands.status import CONTROL_X
-from drivers.simulator.faults.lines import Carriage
+from drivers.simulator.faults.lines import LineDirection
 from drivers.simulator.hosts.connection import UNREAD_LIMIT, PlainStream
 from drivers.simulator.hosts.port import INBOX_LIMIT, Port
 from drivers.simulator.machine import SimulatedLathe
@@ -79,8 +79,8 @@ class EthernetSession(PlainStream):
     def __init__(self, lathe: SimulatedLathe, port: Port, board: Board) -> None:
         super().__init__(lathe, port)
         port.on_board = True
-        self._way_in = Carriage(port.lines, inward=True)
-        self._way_out = Carriage(port.lines, inward=False)
+        self._way_in = LineDirection(port.lines, inward=True)
+        self._way_out = LineDirection(port.lines, inward=False)
         self._board = board
         self._received = bytearray()
         self._incomplete = True

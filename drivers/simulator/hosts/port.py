@@ -10,11 +10,11 @@ from collections.abc import Generator
 
 from drivers.errors import LinkError
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.commands.line import answers, commands
 from drivers.simulator.commands.status import ACTING, ACTIONS, CONTROL_X, REPORTING, STOPS
 from drivers.simulator.context import Context
-from drivers.simulator.faults.lines import Carriage, Lines, Outbox
+from drivers.simulator.faults.lines import HostOutput, LineDirection, Lines
 from drivers.simulator.hosts import replies
 from profiles.problem import Problem
 
@@ -45,7 +45,7 @@ _NO_TEXT = bytes(byte for byte in range(0x20) if byte not in (*_ANSWERED, *BACKS
 class Share:
     """The work done for one host."""
 
-    def __init__(self, controller: Controller) -> None:
+    def __init__(self, controller: SimulatedController) -> None:
         self._controller = controller
         self._cycle = controller.cycles
         self._lines = self._owed = 0
@@ -94,10 +94,10 @@ class Port:
     is `lost`, its output is discarded. `on_board` is whether an Ethernet board is between this port and the line.
     """
 
-    def __init__(self, controller: Controller, lines: Lines) -> None:
+    def __init__(self, controller: SimulatedController, lines: Lines) -> None:
         self.lines = lines
         self.lost = self.on_board = False
-        self._way_in, self._way_out = Carriage(lines, inward=True), Carriage(lines, inward=False)
+        self._way_in, self._way_out = LineDirection(lines, inward=True), LineDirection(lines, inward=False)
         self._controller = controller
         self._context = Context(controller)
         self.share = Share(controller)
@@ -109,7 +109,7 @@ class Port:
         self._running_line = b""
         self._last_line = b""
         self._overlong = False
-        self._outbox = Outbox(lines)
+        self._outbox = HostOutput(lines)
 
     @property
     def crowded(self) -> bool:
@@ -270,7 +270,7 @@ class Port:
         try:
             return ACTIONS[code](self._context)
         except PmacError as refusal:
-            self._outbox.reply(end=replies.refused(refusal.code, self._wording))
+            self._outbox.reply(end=replies.error_reply(refusal.code, self._wording))
             return None
 
     def _clear(self) -> None:
@@ -355,7 +355,7 @@ class Port:
         if self.on_board and self._controller.saving:
             return  # the board gives up over a SAVE: its client gets a NUL, and no acknowledgement afterwards
         if refusal is not None:
-            self._outbox.reply(data, replies.refused(refusal.code, how), summed=summed)
+            self._outbox.reply(data, replies.error_reply(refusal.code, how), summed=summed)
         elif heard:
             checksum = bytes([replies.checksum(self._running_line)]) if summed else b""
             self._outbox.reply(data, how.acknowledgement, checksum, summed=summed)

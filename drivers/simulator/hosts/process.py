@@ -21,8 +21,8 @@ from types import MappingProxyType
 from typing import IO, TYPE_CHECKING, Any
 
 from drivers.errors import LinkError
+from drivers.lathe_placement import LathePlacement, placed_text
 from drivers.link.address import SerialAddress
-from drivers.placed import Placed, placed_text
 from drivers.simulator.hosts.control_address import LONGEST_LINE
 from drivers.simulator.hosts.pty import remove_name
 from drivers.simulator.hosts.real_time import ASKED
@@ -90,7 +90,7 @@ class Child:
         except (OSError, ValueError, KeyError) as error:
             channel.close()
             self._channel = before
-            raise ConnectionError(plain(error)) from error
+            raise ConnectionError(format_error(error)) from error
         before.close()
         if not self._is_copy:
             self._wait()
@@ -128,7 +128,7 @@ class Child:
         with self._complaints as complaints:
             left = max(os.fstat(complaints.fileno()).st_size - LAST_WORDS_BYTES, 0)
             words = os.pread(complaints.fileno(), LAST_WORDS_BYTES, left).decode("utf-8", "replace").split("\n")
-        return next((printable(line) for line in reversed(words) if line.strip()), plain(cause))
+        return next((printable(line) for line in reversed(words) if line.strip()), format_error(cause))
 
     def _wait(self) -> None:
         """Wait until our own child has ended, and kill it if it does not."""
@@ -167,7 +167,7 @@ class FrozenCopy:
     def __init__(self, line: socket.socket) -> None:
         self._line = line
 
-    def thawed(self, timeout_s: float) -> socket.socket:
+    def thaw_copy(self, timeout_s: float) -> socket.socket:
         """Return the channel to a fresh copy that continues. Raises OSError."""
         self._line.settimeout(timeout_s)
         self._line.sendall(ASKED)
@@ -181,7 +181,7 @@ class FrozenCopy:
         self._line.close()
 
 
-def plain(error: Exception) -> str:
+def format_error(error: Exception) -> str:
     """Return what an error says, without its number."""
     return (isinstance(error, OSError) and error.strerror) or str(error)
 
@@ -209,7 +209,7 @@ class SimulatorProcess:
         plant: str = "mounted",
         clamping_sd_percent: float | None = None,
         blind: bool = False,
-        placed: Placed | None = None,
+        placed: LathePlacement | None = None,
         parts_before: int = 0,
     ) -> SimulatorProcess:
         """Start a simulator of the machine profile in a file and wait until it accepts connections.
@@ -234,7 +234,7 @@ class SimulatorProcess:
             address, which = SerialAddress(device=str(said["ready"])), record(WhichLathe, said["lathe"])
             differ = said["parts_differ"] is True
         except (OSError, ValueError, KeyError, TypeError) as error:
-            reason = child.end(error) if child else plain(error)
+            reason = child.end(error) if child else format_error(error)
             where = printable(str(machine_path))
             raise LinkError(Problem(code="simulator.not_started", where=where, value=reason)) from error
         return cls(child, address, which, parts_before, parts_differ=differ)
@@ -320,12 +320,12 @@ class SimulatorProcess:
         Raises LinkError: `simulator.gone`; `simulator.refused`, there is no such copy, and nothing has changed.
         """
         try:
-            channel = self._frozen[name].thawed(REQUEST_TIMEOUT_S)
+            channel = self._frozen[name].thaw_copy(REQUEST_TIMEOUT_S)
             before, device = self.address.device, self._child.turn_to(channel, REQUEST_TIMEOUT_S)
         except KeyError as error:
             raise self._error("simulator.refused", "return", name) from error
         except (OSError, ValueError) as error:
-            raise self._error("simulator.refused", "return", plain(error)) from error
+            raise self._error("simulator.refused", "return", format_error(error)) from error
         self.address = SerialAddress(device=device)
         remove_name(before)
 

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from drivers.simulator.commands.status import CONTROL_X
-from drivers.simulator.hosts.connection import SLOW_READER, UNREAD_LIMIT, PlainStream, Turns
+from drivers.simulator.hosts.connection import SLOW_READER, UNREAD_LIMIT, PlainStream, TurnScheduler
 from drivers.simulator.machine import SimulatedLathe
 
 FOLDER, NAME = "trilobe-", "pmac"
@@ -82,7 +82,7 @@ class PtyHost:
         self._port = self._lathe.connect()
         self._stream = PlainStream(self._lathe, self._port)
         self._unsent = bytearray()
-        self._turns = Turns(self._turn)
+        self._turns = TurnScheduler(self._turn)
         self._reading = False
         self._open = True
         self._hold_back()

@@ -39,7 +39,7 @@ GoOn = Callable[[socket.socket], None]
 """What a copy does with its channel, until it ends."""
 
 
-class Pace:
+class SimulationPace:
     """How many times as fast as real time simulated time runs; 0 while it is paused. `changed_s` is real time.
 
     `held_s` is by how much simulated time was behind since the beginning, because this computer was busy.
@@ -60,7 +60,7 @@ class Host(Protocol):
         """Forward the controller's replies, and resume reading when it has room again; never wait."""
 
 
-class Ending:
+class TerminationSignals:
     """SIGINT, SIGTERM and SIGHUP from now on: `number` is the first that came, None before."""
 
     def __init__(self) -> None:
@@ -95,14 +95,14 @@ async def keep_time(
     advance: Advance,
     hosts: Collection[Host],
     *endings: Coroutine[Any, Any, object],
-    pace: Pace | None = None,
+    pace: SimulationPace | None = None,
     lags_s: list[float] | None = None,
 ) -> None:
     """Keep simulated time in step with real time until one of `endings` is over; raise its error.
 
     `pace` may change meanwhile; without one it is real time. The delay of each tick is appended to `lags_s`.
     """
-    clock = run_clock(advance, hosts, WallClock(), pace or Pace(), lags_s)
+    clock = run_clock(advance, hosts, WallClock(), pace or SimulationPace(), lags_s)
     tasks = {asyncio.create_task(work) for work in (clock, *endings)}
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -114,7 +114,11 @@ async def keep_time(
 
 
 async def run_clock(
-    advance: Advance, hosts: Collection[Host], clock: WallClock, pace: Pace, lags_s: list[float] | None = None
+    advance: Advance,
+    hosts: Collection[Host],
+    clock: WallClock,
+    pace: SimulationPace,
+    lags_s: list[float] | None = None,
 ) -> None:
     """Advance a tick at a time, without an end."""
     last_s = clock.now_s()
@@ -136,14 +140,17 @@ async def run_clock(
 
 
 def patient(
-    advance: Advance, heard_s: Callable[[], float | None], now_s: Callable[[], float], pace: Pace | None = None
+    advance: Advance,
+    heard_s: Callable[[], float | None],
+    now_s: Callable[[], float],
+    pace: SimulationPace | None = None,
 ) -> Advance:
     """Skip time while a lathe waits for its host. `heard_s` is the time of its last input, None: never.
 
     What counts is the time since then, real and simulated; the faster that runs, the less of it: a host that is
     held up for a moment is later in simulated time, and a watchdog is renewed with one input in a few.
     """
-    pace = pace or Pace()
+    pace = pace or SimulationPace()
     heard, ran_s = heard_s(), 0.0
 
     def wait(seconds: float) -> None:

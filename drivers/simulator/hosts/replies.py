@@ -55,7 +55,7 @@ def data(lines: Iterable[str], how: Wording) -> bytes:
     return b"".join([line + bytes([checksum(line)]) for line in sent])
 
 
-def refused(code: int, how: Wording) -> bytes:
+def error_reply(code: int, how: Wording) -> bytes:
     """Return the error reply to a line. No acknowledgement or checksum follows it."""
     text = b"ERR%03d" % code
     match how.errors:

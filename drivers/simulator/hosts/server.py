@@ -13,12 +13,12 @@ from functools import partial
 
 from drivers.errors import LinkError
 from drivers.link.address import SerialAddress, TcpAddress
-from drivers.simulator.hosts.connection import Connection, PlainStream
+from drivers.simulator.hosts.connection import HostConnection, PlainStream
 from drivers.simulator.hosts.control_address import PREFIX, ControlAddress
 from drivers.simulator.hosts.control_socket import ControlHost, listen_for_control
 from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.hosts.pty import PtyHost
-from drivers.simulator.hosts.real_time import Ending, Host, Pace, keep_time
+from drivers.simulator.hosts.real_time import Host, SimulationPace, TerminationSignals, keep_time
 from drivers.simulator.machine import SimulatedLathe
 from profiles.problem import Problem
 
@@ -48,13 +48,13 @@ def serve(
 async def _serve(
     lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float
 ) -> int | None:
-    ended = Ending()
+    ended = TerminationSignals()
     hosts: set[Host] = set()
     with ExitStack() as opened:
         addresses = [address async for address in listen(lathe, listeners, hosts, opened)]
         for address in addresses:
             ready(address)
-        await keep_time(lathe.wait, hosts, ended.wait(), pace=Pace(speed))
+        await keep_time(lathe.wait, hosts, ended.wait(), pace=SimulationPace(speed))
         for connected in tuple(hosts):
             connected.flush()
     return ended.number
@@ -71,10 +71,10 @@ async def listen(
     """
     board = Board()
     if listeners.tcp:
-        yield await _bind("tcp", listeners.tcp, lambda: Connection(lathe, hosts, PlainStream), opened)
+        yield await _bind("tcp", listeners.tcp, lambda: HostConnection(lathe, hosts, PlainStream), opened)
     if listeners.ethernet:
         session = partial(EthernetSession, board=board)
-        yield await _bind("ethernet", listeners.ethernet, lambda: Connection(lathe, hosts, session), opened)
+        yield await _bind("ethernet", listeners.ethernet, lambda: HostConnection(lathe, hosts, session), opened)
     if listeners.pty:
         try:
             line = PtyHost(lathe)
@@ -91,17 +91,17 @@ async def listen(
             raise _refusal(f"{PREFIX}{listeners.control}", error) from error
 
 
-async def _bind(kind: str, address: TcpAddress, connect: Callable[[], Connection], opened: ExitStack) -> str:
+async def _bind(kind: str, address: TcpAddress, connect: Callable[[], HostConnection], opened: ExitStack) -> str:
     try:
         server = await asyncio.get_running_loop().create_server(connect, address.host, address.port)
     except OSError as error:
-        raise _refusal(_named(kind, address), error) from error
+        raise _refusal(_format_address(kind, address), error) from error
     opened.callback(server.close)
     host, port = server.sockets[0].getsockname()[:2]
-    return _named(kind, TcpAddress(host=host, port=port))
+    return _format_address(kind, TcpAddress(host=host, port=port))
 
 
-def _named(kind: str, address: TcpAddress) -> str:
+def _format_address(kind: str, address: TcpAddress) -> str:
     return f"{kind}:{str(address).removeprefix('tcp:')}"
 
 

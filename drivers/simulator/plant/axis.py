@@ -20,7 +20,7 @@ BARE_COAST_S = 0.1  # coasting time constant of an axis without a machine
 BARE_ORIGIN = 500.0  # position of such an axis at power-up, in counts from a home trigger
 
 
-def counted(place: float) -> float:
+def count_position(place: float) -> float:
     """Return the whole count that an encoder reads at a true position."""
     return place + ROUNDS - ROUNDS if -FARTHEST < place < FARTHEST else float(round(place))
 
@@ -195,7 +195,7 @@ class IdealAxis(EncoderAxis):
         if positions:
             before = positions[-2] if len(positions) > 1 else self._x
             self._x, self._step = positions[-1], positions[-1] - before
-        done = self._within(positions)
+        done = self._limit_positions(positions)
         self._told, self._done = (commands, done) if done is positions and not self._unseen else (None, done)
         return done
 
@@ -206,12 +206,12 @@ class IdealAxis(EncoderAxis):
         positions = []
         gained = (1.0 - self._keep) * self._full_step * output
         if not gained and self._x + self._keep * self._step == self._x:
-            return self._within(self._fade(cycles))
+            return self._limit_positions(self._fade(cycles))
         for _ in range(cycles):
             self._step = self._keep * self._step + gained
             self._x += self._step
             positions.append(self._x)
-        return self._within(positions)
+        return self._limit_positions(positions)
 
     def coast(self, cycles: int) -> list[float]:
         """Coast."""
@@ -227,7 +227,7 @@ class IdealAxis(EncoderAxis):
             self._rest = [self._x] * cycles
         return self._rest
 
-    def _within(self, positions: list[float]) -> list[float]:
+    def _limit_positions(self, positions: list[float]) -> list[float]:
         ends, self.at_end = self._ends, False
         if ends is not None and positions and ends.holds(self._x + self.origin) != self._x + self.origin:
             positions = [ends.holds(position + self.origin) - self.origin for position in positions]

@@ -35,7 +35,7 @@ class Collision:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Clamped:
+class ClampedBlank:
     """A blank in the chuck. `deepest_mm` is the least radius that the tool may cut, `bore_mm` that of the wall."""
 
     radius_mm: float
@@ -57,10 +57,10 @@ class Track(NamedTuple):  # created three times as fast, in every block
 SurfaceAt = Callable[[float, float], float]  # the radius of the clamped surface at a place: spindle turns and Z
 
 
-def clamped(job: Job, jaw_face_mm: float) -> Clamped:
+def clamp_job_blank(job: Job, jaw_face_mm: float) -> ClampedBlank:
     """Return the blank of a job, clamped before the jaw faces."""
     cut_mm = job.depth_of_cut_mm + job.lobe_amplitude_um / 1000.0
-    return Clamped(
+    return ClampedBlank(
         radius_mm=job.radius_mm,
         bore_mm=job.radius_mm - job.wall_thickness_mm,
         deepest_mm=job.radius_mm - cut_mm - TOOL_TAKES_MM,
@@ -97,12 +97,12 @@ class CollisionWatch:
         self._touches = False
         self._jaw_face_mm = jaw_face_mm
         self._jaw_outer_mm = jaw_outer_mm
-        self._part: Clamped | None = None
+        self._part: ClampedBlank | None = None
         self._surface_at: SurfaceAt = lambda turns, z_mm: 0.0
         self._before: tuple[float, float, float] | None = None  # turns, Z and radius of the last sample
         self._furthest: float | None = None  # turns, since the tip went into the part
 
-    def clamp(self, part: Clamped, surface_at: SurfaceAt) -> None:
+    def clamp(self, part: ClampedBlank, surface_at: SurfaceAt) -> None:
         """Restart with a blank, whose surface is queried before a track has cut it."""
         self._part, self._surface_at, self.found = part, surface_at, ()
 
@@ -145,7 +145,7 @@ class CollisionWatch:
             self._furthest = None
         self._before = (track.turns[-1], track.z_mm[-1], track.radius_mm[-1])
 
-    def _note_contact(self, track: Track, part: Clamped) -> None:
+    def _note_contact(self, track: Track, part: ClampedBlank) -> None:
         """Note how fast the tip comes to a standing surface; in a turning part it is there already."""
         turns, z_mm = track.turns[-1], track.z_mm[-1]
         if abs(turns - track.turns[0]) > STANDS_TURNS * len(track.turns):
@@ -162,7 +162,7 @@ class CollisionWatch:
                 self._touches = False
             before_mm = radius_mm
 
-    def _check_part(self, track: Track, part: Clamped) -> None:
+    def _check_part(self, track: Track, part: ClampedBlank) -> None:
         """Check the cheap conditions first: in a cut, radius and feed decide all of them."""
         turns_before, z_before, radius_before = self._before or (track.turns[0], track.z_mm[0], track.radius_mm[0])
         surface_mm, end_mm, face_mm = part.radius_mm - TOUCH_MM, part.free_end_mm, self._jaw_face_mm

@@ -2,7 +2,7 @@
 
 It is described in axis units, motor counts and DAC bits, so that one loop serves both. On dry guides, and with a
 current that lags, its motion is exact through a servo cycle, stop and start included. What makes an axis more than
-that: a flexible mode (`FlexibleMode`), and friction that builds up over a distance (`Presliding`).
+that: a flexible mode (`SimulatedMode`), and friction that builds up over a distance (`Presliding`).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class DrivenMass:
     peak_output_bits: float
     friction: float = 0.0
 
-    def held(self, cycle_s: float) -> ZeroOrderHold:
+    def zero_order_hold(self, cycle_s: float) -> ZeroOrderHold:
         """Return its motion in a servo cycle of `cycle_s`, without the friction."""
         rate = self.damping_per_s
         if rate * cycle_s < NO_DAMPING:
@@ -124,7 +124,7 @@ def current_lag(mass: DrivenMass, cycle_s: float, lag_s: float) -> CurrentLag:
         v = (left - math.exp(-rate * cycle_s)) / (rate - 1.0 / lag_s)
         x = (impulse_s - v) / rate
     mean = impulse_s / cycle_s
-    held = mass.held(cycle_s)
+    held = mass.zero_order_hold(cycle_s)
     per_unit = 1.0 / mass.acceleration_per_bit if mass.acceleration_per_bit else 0.0
     return CurrentLag(
         left=left, mean=mean, more_x=x - mean * held.push_x * per_unit, more_v=v - mean * held.push_v * per_unit
@@ -143,7 +143,7 @@ class DrySlide:
         self._friction = mass.friction
         self._per_bit = mass.acceleration_per_bit
         self._cycle_s = cycle_s
-        self._whole = self._one.held(cycle_s)
+        self._whole = self._one.zero_order_hold(cycle_s)
         self._lag = current_lag(self._one, cycle_s, lag_s) if lag_s else None
         self.driven = 0.0  # counts/s2, by the current at the beginning of a cycle
 
@@ -179,7 +179,7 @@ class DrySlide:
         """Return position and speed after a cycle in which the slide comes to rest, and may start again."""
         pull = drive - math.copysign(self._friction, v)
         stops_s = min(self._time_to_rest(v, pull), self._cycle_s)
-        glide, push = self._within(stops_s)
+        glide, push = self._glide_and_push(stops_s)
         return self._from_rest(x + glide * v + push * pull, drive, self._cycle_s - stops_s)
 
     def fades(self, cycles: int) -> bool:
@@ -195,11 +195,11 @@ class DrySlide:
         if abs(drive) <= self._friction or left_s <= 0.0:
             return x, 0.0
         pull = drive - math.copysign(self._friction, drive)
-        glide, push = self._within(left_s)
+        glide, push = self._glide_and_push(left_s)
         return x + push * pull, glide * pull
 
-    def _within(self, time_s: float) -> tuple[float, float]:
-        """Return glide and push of `DrivenMass.held`, which are all that a part of a cycle needs."""
+    def _glide_and_push(self, time_s: float) -> tuple[float, float]:
+        """Return glide and push of `DrivenMass.zero_order_hold`, which are all that a part of a cycle needs."""
         rate = self._one.damping_per_s
         if rate * time_s < NO_DAMPING:
             return time_s, 0.5 * time_s**2
@@ -214,7 +214,7 @@ class DrySlide:
         return -v / pull if rate == 0.0 else math.log1p(-rate * v / pull) / rate
 
 
-class FlexibleMode:
+class SimulatedMode:
     """A resonance that the scale sees: something between motor, scale and tip that bends. Counts, Hz.
 
     q'' + 2 z w q' + w^2 q = c a, with a the acceleration that the current gives the rigid axis, c the fraction of
@@ -278,11 +278,11 @@ class Presliding:
         """
         moved = 0.0 if self._at is None else place - self._at
         self._at = place
-        self._drag = self._after(moved)
-        pushed = self._after(0.5 * moved)
+        self._drag = self._friction_after(moved)
+        pushed = self._friction_after(0.5 * moved)
         return -pushed if self._cutting is None else self._cutting.push(place) - pushed
 
-    def _after(self, moved: float) -> float:
+    def _friction_after(self, moved: float) -> float:
         """Return the friction against the motion, positive with counting, after a displacement."""
         limit = math.copysign(self._limit, moved)
         return limit + (self._drag - limit) * math.exp(-abs(moved) / self._distance)

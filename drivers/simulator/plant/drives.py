@@ -10,13 +10,13 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.jog_motion import HomeSensor
 from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.plant.axis import Axis, IdealAxis, NoisyScale, Scale, ends_at
-from drivers.simulator.plant.driven_mass import FlexibleMode, Presliding, linear_motor, rotary_motor
+from drivers.simulator.plant.driven_mass import Presliding, SimulatedMode, linear_motor, rotary_motor
 from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
 from drivers.simulator.plant.servo_gains import ServoGains
-from drivers.simulator.plant.spindle import RadialError, Spindle
+from drivers.simulator.plant.spindle import RadialError, SimulatedSpindle
 from drivers.simulator.plant.tip_load import TipGeometry, TipLoad
 from drivers.simulator.plant.true_parameters import TrueParameters
-from profiles.axis.notch import Notch, Reading
+from profiles.axis.notch import Notch, SignConvention
 from profiles.axis.servo_gains import NOTCH_NUMBERS
 from profiles.machine import DAC_BITS, MachineProfile
 
@@ -36,13 +36,13 @@ class Drives:
     """
 
     tool: ServoAxis
-    spindle: Spindle
+    spindle: SimulatedSpindle
     carriage: IdealAxis
     inverter: InverterSpindle | None
     load: TipLoad | None
     wander: RadialError | None
     machine: MachineProfile
-    reading: Reading = Reading.STATED
+    reading: SignConvention = SignConvention.STATED
 
     def axes(self) -> dict[int, tuple[Axis, HomeSensor]]:
         """Return the axis and the home trigger of each motor."""
@@ -106,7 +106,7 @@ def _tool(
     loads = _presliding(machine, true, load) if true.presliding_um and true.coulomb_friction_n else load
     mode = None
     if true.flexible_fraction:
-        mode = FlexibleMode(true.flexible_hz, true.flexible_damping, true.flexible_fraction, _cycle_s(machine))
+        mode = SimulatedMode(true.flexible_hz, true.flexible_damping, true.flexible_fraction, _cycle_s(machine))
     return ServoAxis(slide, gains, _cycle_s(machine), start_counts, ends, scale, lag_s, loads, mode)
 
 
@@ -128,11 +128,11 @@ def _load(machine: MachineProfile, true: TrueParameters, wander: RadialError | N
     return TipLoad(geometry, wander, 1000.0 * tool.counts_per_mm / true.moving_mass_kg)
 
 
-def _spindle(machine: MachineProfile, true: TrueParameters, drive: Axis) -> Spindle:
+def _spindle(machine: MachineProfile, true: TrueParameters, drive: Axis) -> SimulatedSpindle:
     phase_rad = true.chance("ripple").uniform(0.0, 2.0 * math.pi) if true.speed_ripple else 0.0
     counts_per_turn = machine.spindle.counts_per_rev * true.belt_ratio
     built = true.speed_ripple, true.ripple_per_turn
-    return Spindle(drive, counts_per_turn, _cycle_s(machine), built, phase_rad)
+    return SimulatedSpindle(drive, counts_per_turn, _cycle_s(machine), built, phase_rad)
 
 
 def _spindle_drive(
@@ -171,9 +171,9 @@ def _cycle_s(machine: MachineProfile) -> float:
     return machine.controller.servo_period_ms / 1000.0
 
 
-def _gains(motor: int, variable: MotorVariable, reading: Reading) -> ServoGains:
+def _gains(motor: int, variable: MotorVariable, reading: SignConvention) -> ServoGains:
     values = {f"ix{number:02}": variable(motor, number) for number in GAINS}
-    if reading is not Reading.STATED:
+    if reading is not SignConvention.STATED:
         n1, n2, d1, d2 = (values[name] for name in NOTCH)
         read = Notch(n1=n1, n2=n2, d1=d1, d2=d2).read_as(reading)
         values |= zip(NOTCH, read.coefficients, strict=True)

@@ -17,8 +17,8 @@ from typing import Any
 
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal, set_up_by_hand
 from drivers.simulator.plant.which_lathe import IDEAL, MOUNTED, which_lathe
-from profiles.axis.notch import Reading
-from profiles.fields import Field, Kind, fault, flatten, read_fields, schema_problem, spelled
+from profiles.axis.notch import SignConvention
+from profiles.fields import Field, FieldType, fault, flatten, read_fields, schema_problem, spell_toml
 from profiles.files import printable, read_toml
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
@@ -36,7 +36,7 @@ def _factor(key: str, table: str) -> Field:
     return Field(key=key, table=table, default=1.0, above=0.0, at_most=10.0)
 
 
-def _itself(key: str, unit: str, at_most: float) -> Field:
+def _own_field(key: str, unit: str, at_most: float) -> Field:
     return Field(key=key, table="tool", unit=unit, above=0.0, at_most=at_most, optional=True)
 
 
@@ -45,14 +45,14 @@ def _amount(key: str, table: str, unit: str, at_most: float) -> Field:
 
 
 PLANT_FIELDS = (
-    Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
-    Field(key="source", kind=Kind.TEXT, default=""),
-    Field(key="like", kind=Kind.CHOICE, default="ideal", choices=BUNDLED),
+    Field(key="schema", kind=FieldType.WHOLE, default=1, at_least=1, at_most=1),
+    Field(key="source", kind=FieldType.TEXT, default=""),
+    Field(key="like", kind=FieldType.CHOICE, default="ideal", choices=BUNDLED),
     _factor("mass_factor", "tool"),
     _factor("thrust_factor", "tool"),
-    _itself("mass_kg", "kg", 1000.0),
-    _itself("damping_n_s_per_m", "N s/m", 100_000.0),
-    _itself("thrust_n_per_v", "N/V", 100_000.0),
+    _own_field("mass_kg", "kg", 1000.0),
+    _own_field("damping_n_s_per_m", "N s/m", 100_000.0),
+    _own_field("thrust_n_per_v", "N/V", 100_000.0),
     _amount("coulomb_friction_n", "tool", "N", 100.0),
     _amount("presliding_um", "tool", "um", 1000.0),
     _amount("current_lag_ms", "tool", "ms", 10.0),
@@ -64,14 +64,14 @@ PLANT_FIELDS = (
     Field(key="flexible_fraction", table="tool", default=0.0, at_least=-2.0, at_most=2.0),
     Field(
         key="notch_reading",
-        kind=Kind.CHOICE,
+        kind=FieldType.CHOICE,
         table="controller",
-        default=str(Reading.STATED),
-        choices=tuple(str(each) for each in Reading),
+        default=str(SignConvention.STATED),
+        choices=tuple(str(each) for each in SignConvention),
     ),
     _factor("inertia_factor", "spindle"),
     _amount("speed_ripple_percent", "spindle", "%", 50.0),
-    Field(key="ripple_per_turn", kind=Kind.WHOLE, table="spindle", default=2, at_least=1, at_most=100),
+    Field(key="ripple_per_turn", kind=FieldType.WHOLE, table="spindle", default=2, at_least=1, at_most=100),
     _amount("radial_error_um_pp", "spindle", "um", 100.0),
     _factor("lobe_factor", "chuck"),
     Field(key="lobe_error_um_pp", table="chuck", unit="um", at_least=0.0, at_most=1000.0, optional=True),
@@ -103,7 +103,7 @@ PLANT_FIELDS = (
     _amount("eccentricity_um", "gauge", "um", 1000.0),
     _amount("noise_um", "gauge", "um", 10.0),
     _amount("mark_sd_deg", "gauge", "deg", 20.0),
-    Field(key="start_mark", kind=Kind.CHOICE, table="gauge", default="known", choices=("known", "unknown")),
+    Field(key="start_mark", kind=FieldType.CHOICE, table="gauge", default="known", choices=("known", "unknown")),
 )
 """Every key of a plant with its limits."""
 
@@ -116,11 +116,11 @@ def spread_fields(fields: tuple[Field, ...]) -> tuple[Field, ...]:
     return tuple(
         replace(each, above=None, at_least=0.0, at_most=_width(each), default=0.0, optional=False)
         for each in fields
-        if each.kind is Kind.NUMBER
+        if each.kind is FieldType.NUMBER
     )
 
 
-def drawn(
+def draw_lathe_values(
     values: Mapping[str, Any], sd: Mapping[str, float], fields: tuple[Field, ...], seed: int
 ) -> dict[str, Any]:
     """Return the values of one lathe: each normal about that of its file, again until it is within its limits.
@@ -131,11 +131,11 @@ def drawn(
     known = {each.key: each for each in fields}
     for key, width in sd.items():
         if width > 0.0:
-            found[key] = _drawn(known[key], values[key], width, Random(f"{seed} {key} of the plant"))
+            found[key] = _draw_value(known[key], values[key], width, Random(f"{seed} {key} of the plant"))
     return found
 
 
-def _drawn(field: Field, mean: float, sd: float, random: Random) -> float:
+def _draw_value(field: Field, mean: float, sd: float, random: Random) -> float:
     while True:
         value = random.gauss(mean, sd)
         if abs(value - mean) <= WIDEST_SD * sd and not fault(field, value):
@@ -174,7 +174,7 @@ def plant_named(
     number = SystemRandom().randrange(SEEDS) if seed is None else seed
     plant = IDEAL if name_or_path == MOUNTED else name_or_path
     values, where, spread = _values(plant, number)
-    true = _with_friction(_changed(ideal(machine), values), values["coulomb_friction_n"], where)
+    true = _with_friction(_change_parameters(ideal(machine), values), values["coulomb_friction_n"], where)
     alike = not (spread or true.lathes_differ)
     true = replace(true, seed=number, lathe=which_lathe(plant, number, alike=alike))
     if clamping_sd_percent is not None:
@@ -210,7 +210,7 @@ def _values(name_or_path: str, seed: int) -> tuple[Mapping[str, Any], str, bool]
     ]
     if problems or found:
         raise ProfileError(*problems, *found)
-    return drawn(values, widths, PLANT_FIELDS, seed), where, any(widths.values())
+    return draw_lathe_values(values, widths, PLANT_FIELDS, seed), where, any(widths.values())
 
 
 def _path_of(name_or_path: str) -> Path:
@@ -219,7 +219,7 @@ def _path_of(name_or_path: str) -> Path:
     if name_or_path in BUNDLED:
         return _FOLDER / f"{name_or_path}.toml"
     limit = " | ".join((*PLANTS, "FILE.toml"))
-    raise ProfileError(Problem(code="plant.unknown", value=spelled(name_or_path), limit=limit))
+    raise ProfileError(Problem(code="plant.unknown", value=spell_toml(name_or_path), limit=limit))
 
 
 def _leaves(path: Path) -> tuple[dict[str, object], dict[str, object]]:
@@ -270,7 +270,7 @@ _PERCENT = {
 """Keys of a plant whose values are parameters of another name, and those that are fractions of 100 there."""
 
 
-def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParameters:
+def _change_parameters(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParameters:
     """Return the parameters with the values of a plant: each key that is the name of one, and the others."""
     names = {_RENAMED.get(key, key): value for key, value in values.items()}
     changed = {each.name: names[each.name] for each in fields(TrueParameters) if each.name in names}
@@ -282,7 +282,7 @@ def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParamete
         "force_n_per_v": values["thrust_n_per_v"] or values["thrust_factor"] * nominal.force_n_per_v,
         "current_lag_s": values["current_lag_ms"] / 1000.0,
         "spindle_inertia_kg_m2": values["inertia_factor"] * nominal.spindle_inertia_kg_m2,
-        "notch_reading": Reading(values["notch_reading"]),
+        "notch_reading": SignConvention(values["notch_reading"]),
         "gauge_mark_known": values["start_mark"] == "known",
         "coulomb_friction_n": nominal.coulomb_friction_n,  # after all damping is known
     }

@@ -51,7 +51,7 @@ class NotchFilter:
         self._in_1, self._in_2 = before._in_1, before._in_2
         self._out_1, self._out_2 = before._out_1, before._out_2
 
-    def filtered(self, output: float) -> float:
+    def filter_output(self, output: float) -> float:
         """Return the output of this cycle, still without its limit."""
         found = output + self._n1 * self._in_1 + self._n2 * self._in_2
         found -= self._d1 * self._out_1 + self._d2 * self._out_2

@@ -43,7 +43,7 @@ class RadialError:
         return self._repeats_mm[int(turns % 1.0 * PLACES) % PLACES] + self._stray_mm * strays
 
 
-class Spindle:
+class SimulatedSpindle:
     """A rotary axis: one of the drives, and a speed ripple after it that its loop does not see.
 
     `speed_ripple` is the fraction f by which the speed varies about its mean v, `ripple_per_turn` times a turn.
@@ -111,17 +111,17 @@ class Spindle:
 
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Run one servo cycle per command."""
-        return self._turned(self.drive.follow(commands))
+        return self._add_ripple(self.drive.follow(commands))
 
     def push(self, output: float, cycles: int) -> list[float]:
         """Run in open loop."""
-        return self._turned(self.drive.push(output, cycles))
+        return self._add_ripple(self.drive.push(output, cycles))
 
     def coast(self, cycles: int) -> list[float]:
         """Run with the amplifier disabled."""
-        return self._turned(self.drive.coast(cycles))
+        return self._add_ripple(self.drive.coast(cycles))
 
-    def _turned(self, track: list[float]) -> list[float]:
+    def _add_ripple(self, track: list[float]) -> list[float]:
         """Return a track with the ripple; a jammed axis stays."""
         if not (self.speed_ripple or self._amplitude):
             return track
@@ -135,7 +135,7 @@ class Spindle:
             turned = track  # without a ripple each is where its mean is
             self._last = track[-1] + origin
         else:
-            turned = self._rippled(track, target, rad_per_count)
+            turned = self._fade_ripple(track, target, rad_per_count)
         if not (self.speed_ripple or self._amplitude):
             self._last, self._speed = None, 0.0
         return turned
@@ -154,7 +154,7 @@ class Spindle:
         self._speed = speed
         return True
 
-    def _rippled(self, track: list[float], target: float, rad_per_count: float) -> list[float]:
+    def _fade_ripple(self, track: list[float], target: float, rad_per_count: float) -> list[float]:
         """Return a track with the ripple, which fades towards an amplitude of `target` counts."""
         origin, phase, cycle_s, last = self.origin, self._phase_rad, self._cycle_s, self._last
         speed, amplitude, jammed = self._speed, self._amplitude, self.jammed

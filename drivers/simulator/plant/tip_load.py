@@ -41,7 +41,7 @@ def cutting_torque_n_m(job: Job) -> float:
 Ahead = tuple[float, float]  # place in a servo cycle, extrapolated from the last one, and the step of that; counts
 
 
-class Moving(Protocol):
+class MovingAxis(Protocol):
     """An axis in the loop of its motor: machine position at the last servo cycle, counts, and its last step."""
 
     true_position: float
@@ -97,7 +97,7 @@ class TipLoad:
         self._geometry = geometry
         self._wander = wander
         self._push_per_n = push_per_n
-        self._motors: tuple[Moving, Moving, Moving] | None = None
+        self._motors: tuple[MovingAxis, MovingAxis, MovingAxis] | None = None
         self._stock: Stock | None = None
         self._home_mm = geometry.home_radius_mm
         self._rings: dict[int, list[float]] = {}
@@ -122,7 +122,7 @@ class TipLoad:
         """
         self._path = list(zip(spindle, carriage, strict=True))[::-1]
 
-    def watch(self, tool: Moving, spindle: Moving, carriage: Moving) -> None:
+    def watch(self, tool: MovingAxis, spindle: MovingAxis, carriage: MovingAxis) -> None:
         """Use these motors from now on."""
         self._motors = tool, spindle, carriage
 
@@ -147,8 +147,8 @@ class TipLoad:
         if self._path:
             (angle, turning), (place, feeding) = self._path.pop()
         else:
-            angle, turning = _ahead(spindle, tool.cycles_run), spindle.pace
-            place, feeding = _ahead(carriage, tool.cycles_run), carriage.pace
+            angle, turning = _extrapolate_position(spindle, tool.cycles_run), spindle.pace
+            place, feeding = _extrapolate_position(carriage, tool.cycles_run), carriage.pace
         geometry, stock = self._geometry, self._stock
         z_mm = place / geometry.carriage_counts_per_mm + 0.5 * geometry.land_mm
         self._turn_step = turning / geometry.spindle_counts_per_turn
@@ -207,6 +207,6 @@ class TipLoad:
             self._fresh = list(self._surface)
 
 
-def _ahead(axis: Moving, cycle: int) -> float:
+def _extrapolate_position(axis: MovingAxis, cycle: int) -> float:
     """Return the position of an axis in a servo cycle, counts, extrapolated from its last one."""
     return axis.true_position + axis.pace * (cycle - axis.cycles_run + 1)

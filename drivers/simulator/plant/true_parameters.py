@@ -10,10 +10,10 @@ import math
 from dataclasses import dataclass, field, replace
 from random import Random
 
-from drivers.placed import Placed
+from drivers.lathe_placement import LathePlacement
 from drivers.simulator.plant.which_lathe import IDEAL, WhichLathe
-from drivers.simulator.plant.workpiece import ROUND, Blank, CutProcess, Form
-from profiles.axis.notch import Reading
+from drivers.simulator.plant.workpiece import ROUND, Blank, BlankForm, CutProcess
+from profiles.axis.notch import SignConvention
 from profiles.chucking.grip import loss_n
 from profiles.job import Job
 from profiles.machine import Carriage, MachineProfile, ToolAxis
@@ -173,7 +173,7 @@ class TrueParameters:
     flexible_hz: float = 300.0
     flexible_damping: float = 0.02
     flexible_fraction: float = 0.0
-    notch_reading: Reading = Reading.STATED
+    notch_reading: SignConvention = SignConvention.STATED
     lobe_factor: float = 1.0
     lobe_um_pp: float | None = None
     lobe_force_n: float | None = None
@@ -292,7 +292,7 @@ class TrueParameters:
             pressed_in=self.blank_pressed * _before_cut(job) if self.blank_pressed else 0.0,
         )
 
-    def pressed(self, job: Job, force_factor: float) -> Blank:
+    def press_blank(self, job: Job, force_factor: float) -> Blank:
         """Return the blank as the jaws press it at rest, before anything was turned off its wall."""
         blank, stiffer = self.blank(job, force_factor, at_rpm=0.0), _before_cut(job)
         return replace(blank, lobe_um_pp=stiffer * blank.lobe_um_pp, oval_um=stiffer * blank.oval_um)
@@ -328,11 +328,11 @@ class TrueParameters:
             n_per_mm=n_per_mm,
         )
 
-    def form(self, random: Random) -> Form:
+    def form(self, random: Random) -> BlankForm:
         """Draw the shape of the next blank's surface: its angles are any."""
         if not self.blank_oval_um_pp and not self.blank_run_out_um:
             return ROUND
-        return Form(
+        return BlankForm(
             oval_um=0.5 * self.blank_oval_um_pp,
             oval_turns=random.random(),
             off_um=0.5 * self.blank_run_out_um,
@@ -391,7 +391,7 @@ def set_up_by_hand(true: TrueParameters, machine: MachineProfile, random: Random
     )
 
 
-def begun_at(true: TrueParameters, placed: Placed) -> TrueParameters:
+def begun_at(true: TrueParameters, placed: LathePlacement) -> TrueParameters:
     """Return a lathe with its axes, jaw 1 and tip where it is placed."""
     if placed.axes is not None:
         tool_mm, carriage_mm, turns = placed.axes

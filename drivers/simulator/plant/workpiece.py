@@ -35,7 +35,7 @@ EDGE_MM = 1e-6  # rounding of Z: a feed of exactly the land per turn must leave 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Form:
+class BlankForm:
     """Deviations of a blank's surface on the radius, highest at these turns of the spindle from its index.
 
     `oval_um` is the amplitude of its second harmonic, `off_um` how far its surface is off the axis: half of the
@@ -60,7 +60,7 @@ class Form:
         return np.asarray((oval + off) / 1000.0, dtype=np.float64)
 
 
-ROUND = Form()
+ROUND = BlankForm()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ class Blank:
     growth_per_mm: float = 0.0
     middle_mm: float = 0.0
     overtone: float = 0.0
-    form: Form = ROUND
+    form: BlankForm = ROUND
     pressed_in: float = 0.0
 
     @property

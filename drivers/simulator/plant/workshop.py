@@ -12,7 +12,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.simulator.plant.collision import CollisionWatch, Track, clamped
+from drivers.simulator.plant.collision import CollisionWatch, Track, clamp_job_blank
 from drivers.simulator.plant.dials import AtTheChuck
 from drivers.simulator.plant.drives import Drives
 from drivers.simulator.plant.spindle import RadialError
@@ -286,7 +286,7 @@ class SimulatedWorkshop:
         self._part = Workpiece(blank, sections_mm, true.wiper_land_mm, process)
         self._nominal_radius_mm = job.finished_radius_mm
         self._torque_n_m = cutting_torque_n_m(job)
-        there = replace(clamped(job, true.jaw_face_mm), radius_mm=blank.most_radius_mm)
+        there = replace(clamp_job_blank(job, true.jaw_face_mm), radius_mm=blank.most_radius_mm)
         self.watch.clamp(there, self._surface_mm)
         if self._load is not None:
             self._load.clamp(replace(stock, yields_mm_per_n=process.compliances(CELLS)))
@@ -351,7 +351,7 @@ class SimulatedWorkshop:
         if self._part is None or self._pressed is None:
             raise RuntimeError("no part is mounted")
         job, *factors = self._pressed
-        finger, full = (partial(self._clamped_um, self._true.pressed(job, factor)) for factor in factors)
+        finger, full = (partial(self._clamped_um, self._true.press_blank(job, factor)) for factor in factors)
         from_jaw_1 = None if places is None else FromJaw(places=places, jaw_1_deg=self._part.blank.jaw_1_deg)
         return self._indicator.readings(finger, full, job.jaws, job.chucking_force_n, from_jaw_1)
 

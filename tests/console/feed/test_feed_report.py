@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.feed.observed import RUN, Observed
+from console.session.feed.observed_state import RUN, ObservedState
 from console.session.feed.report import line_of, report
 from console.session.feed.request import LEAST_HZ, MOST_HZ, asked_hz, request_line
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState, StopState
-from drivers.lathe.standing import Signature, Standing
+from drivers.lathe.console_role import ConsoleRole, Signature
 from drivers.simulator.plant.workshop_view import Truth, WorkshopView
 from profiles.store import load_machine
 from tests.tui import scenes
@@ -30,7 +30,7 @@ CUTTING = replace(scenes.machine(Activity.CUTTING), cut=scenes.cut(), spindle_rp
 
 def said(state: StationState, **more: Any) -> dict[str, Any]:
     """The values of a line, as a reader has them."""
-    observed = Observed(state=state, machine=load_machine(LATHE).machine, now_s=state.at_s, **more)
+    observed = ObservedState(state=state, machine=load_machine(LATHE).machine, now_s=state.at_s, **more)
     found: dict[str, Any] = json.loads(
         line_of(asdict(report(observed, process=7, operator="kim", at_utc="2026-01-01T00:00:00Z")))
     )
@@ -124,7 +124,7 @@ def test_alarms_have_number_priority_and_state_of_the_page_alarms() -> None:
 
 
 def test_who_controls_is_named_as_far_as_known() -> None:
-    other = replace(CUTTING, standing=Standing.OBSERVER, holder=0)
+    other = replace(CUTTING, standing=ConsoleRole.OBSERVER, holder=0)
     assert said(other)["controlled_by"] is None
     signed = Signature(number=12, name="lee", host="cell-2", minute=0)
     held = said(replace(other, holder=12, held_by=signed))

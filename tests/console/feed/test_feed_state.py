@@ -13,7 +13,7 @@ import pytest
 
 from console.session.feed.feed_state import read_state
 from console.session.feed.following import LONGEST_LINE, Stream
-from console.session.feed.observed import Observed
+from console.session.feed.observed_state import ObservedState
 from console.session.feed.report import line_of, report
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity
@@ -87,7 +87,7 @@ def test_what_is_published_is_read_as_it_was(place: int) -> None:
 def test_every_activity_and_stage_of_a_console_is_taken(activity: Activity, stage: CutStage) -> None:
     moment = replace(scenes.machine(activity), cut=replace(scenes.cut(), stage=stage))
     machine = load_machine("lee-2001-lathe").machine
-    observed = Observed(state=moment, machine=machine, now_s=moment.at_s)
+    observed = ObservedState(state=moment, machine=machine, now_s=moment.at_s)
     state = report(observed, process=1, operator="kim", at_utc="2026-01-01T00:00:00.000Z")
     assert read_state(line_of(asdict(state))) == state
 

@@ -12,7 +12,7 @@ from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import CutRecorder
 from console.session.cut.run import plan_run, run_once
 from console.session.feed.followed_run import FollowedRun, Run, RunAlarms
-from console.session.feed.observed import Observed
+from console.session.feed.observed_state import ObservedState
 from console.session.feed.report import report
 from console.session.station.state import Activity
 from console.site.exchange.mtconnect import conditions
@@ -34,13 +34,13 @@ class Watched(CutRecorder):
 
     def __init__(self) -> None:
         self.followed: FollowedRun | None = None
-        self.moments: list[Observed] = []
+        self.moments: list[ObservedState] = []
         self.polls = 0
 
     def see(self, snapshot: Snapshot) -> None:
         self.polls += 1
         if self.followed is not None and self.polls % 5 == 0:
-            self.moments.append(self.followed.observed())
+            self.moments.append(self.followed.observe_state())
 
 
 def test_a_cut_is_followed_to_its_part() -> None:
@@ -48,10 +48,10 @@ def test_a_cut_is_followed_to_its_part() -> None:
     watched = Watched()
     followed = FollowedRun(Run(job=job.name, machine=machine, run_id="r1", simulated=True), watched)
     watched.followed = followed
-    assert followed.observed().state.activity is Activity.CONNECTING
+    assert followed.observe_state().state.activity is Activity.CONNECTING
     context, _ = simulated_context(machine)
     plan = plan_run(job, machine, Strategy.PVT, simulated=True)
-    run_once(plan, replace(context, recorder=followed), lambda part, step, detail: followed.told(step))
+    run_once(plan, replace(context, recorder=followed), lambda part, step, detail: followed.take_step(step))
     cuts = [moment.cut for moment in watched.moments if moment.cut is not None]
     # 1.5 mm at 0.05 mm a turn, by the job: 30 turns, 1.8 s at 1000 rpm.
     assert {cut.turns for cut in cuts} == {30.0}
@@ -65,14 +65,14 @@ def test_a_cut_is_followed_to_its_part() -> None:
     assert {moment.state.activity for moment in watched.moments} == {Activity.CUTTING}
     assert {(moment.run_id, moment.job, moment.parts) for moment in watched.moments} == {("r1", job.name, 0)}
     newest = known(watched.moments[-1].state.snapshot)
-    followed.seen(replace(newest, tool=replace(newest.tool, flags=newest.tool.flags | {"amplifier_fault"})))
-    line = report(followed.observed(), process=1, operator="kim", at_utc="")
+    followed.take_poll(replace(newest, tool=replace(newest.tool, flags=newest.tool.flags | {"amplifier_fault"})))
+    line = report(followed.observe_state(), process=1, operator="kim", at_utc="")
     (alarm,) = line.alarms
     assert (alarm.code, alarm.priority, alarm.state) == ("machine.fault", "high", "new")
     assert "amplifier fault" in alarm.text
     assert conditions(line.alarms)["system"][0].level == "FAULT"
-    followed.seen(newest)
-    after = followed.observed()
+    followed.take_poll(newest)
+    after = followed.observe_state()
     assert not after.state.alarms
     assert (after.parts, after.cut, after.state.activity) == (1, None, Activity.MEASURING)
 
@@ -105,13 +105,13 @@ def test_a_lapse_is_an_alarm_with_its_code_and_is_recorded(policy: str) -> None:
     run = Run(job=job.name, machine=machine, run_id="r1", simulated=False)
     followed = FollowedRun(run, Hangs(simulated), alarms)
     followed.alarms.heartbeat = heartbeat
-    lathe = Lathe(client, machine, simulated, StopPath(link), seen=followed.seen, heartbeat=heartbeat)
+    lathe = Lathe(client, machine, simulated, StopPath(link), seen=followed.take_poll, heartbeat=heartbeat)
     context = CutContext(lathe=lathe, workshop=simulated, recorder=followed)
     plan = plan_run(job, machine, Strategy.PVT, simulated=True)
     with pytest.raises(ProblemError) as ended:
-        run_once(plan, context, lambda part, step, detail: followed.told(step))
+        run_once(plan, context, lambda part, step, detail: followed.take_step(step))
     assert ended.value.problems[0].code == "heartbeat.lapsed"
-    line = report(followed.observed(), process=1, operator="kim", at_utc="")
+    line = report(followed.observe_state(), process=1, operator="kim", at_utc="")
     (alarm,) = line.alarms
     assert (alarm.code, alarm.priority, alarm.state) == ("heartbeat.lapsed", "high", "new")
     assert [each.code for each in conditions(line.alarms)["communications"]] == ["heartbeat.lapsed"]

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from console.flight.frozen import frozen_in
+from console.flight.frozen_recordings import frozen_in
 from console.flight.notes import Inbox
-from console.flight.recorded_forms import Moment, work_of
-from console.flight.recorder import Recorder
+from console.flight.recorded_forms import RecordedMoment, work_of
+from console.flight.recorder import FlightRecorder
 from console.flight.recording import Recording, read_recording
-from console.session.station.alarms import Priority, raised
+from console.session.station.alarms import Priority, raise_alarm
 from console.session.station.state import Activity, StationState, StopState
 from console.session.work import Work
 from profiles.problem import Problem
@@ -29,10 +29,10 @@ class FlightBench:
         self.data, self.now_s = data, BEGAN_S
         self.state, self.work, self.page = state or machine(Activity.READY), work, "jobs"
         self.inbox = Inbox(lambda: self.now_s)
-        self.recorder = Recorder(data, lathe(), self.observed, self.inbox, now_s=lambda: self.now_s)
+        self.recorder = FlightRecorder(data, lathe(), self.observed, self.inbox, now_s=lambda: self.now_s)
 
-    def observed(self) -> Moment:
-        return Moment(state=self.state, page=self.page, work=work_of(self.work))
+    def observed(self) -> RecordedMoment:
+        return RecordedMoment(state=self.state, page=self.page, work=work_of(self.work))
 
     def runs(self, seconds: float, each: Callable[[], object] = lambda: None) -> None:
         """Let time pass, with a poll and a turn of the recorder each 0.1 s."""
@@ -47,7 +47,7 @@ class FlightBench:
             self.recorder.turn()
 
     def alarms(self, problem: Problem = ALARM, priority: Priority = Priority.HIGH) -> None:
-        self.state = replace(self.state, alarms=raised(self.state.alarms, problem, priority, self.now_s))
+        self.state = replace(self.state, alarms=raise_alarm(self.state.alarms, problem, priority, self.now_s))
 
     def stops(self, reason: str) -> None:
         self.state = replace(self.state, stop=StopState(reason=reason, killed=False, sent_s=self.now_s))

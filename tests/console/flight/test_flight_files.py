@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 
 from console.flight import recording as reading
-from console.flight.frozen import frozen_in
+from console.flight.frozen_recordings import frozen_in
 from console.flight.recording import read_header, read_recording
-from console.flight.ring import Ring
+from console.flight.ring import SegmentRing
 from profiles.problem import ProfileError
 from tests.console.flight.bench import FlightBench, reasons
 from tests.console.floor import known
@@ -170,7 +170,7 @@ def test_the_ring_of_a_killed_console_is_frozen_once_and_a_running_one_is_left_a
 
 
 def test_the_ring_of_another_machine_waits_for_a_start_on_that_one(tmp_path: Path) -> None:
-    ring = Ring(tmp_path, "another-lathe")
+    ring = SegmentRing(tmp_path, "another-lathe")
     ring.begin(0.0, {"flight": 1})
     ring.close(remove=False)
     bench = FlightBench(tmp_path)

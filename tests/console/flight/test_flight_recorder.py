@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from pytest import MonkeyPatch
 
-from console.flight import frozen, ring
-from console.flight.frozen import frozen_in
-from console.flight.notes import WAITING, Kind
+from console.flight import frozen_recordings, ring
+from console.flight.frozen_recordings import frozen_in
+from console.flight.notes import WAITING, NoteKind
 from console.flight.recorded_control import RecordedControl
 from console.session.station.alarms import Priority
 from console.session.station.commands import Acknowledge, Home
@@ -100,12 +100,12 @@ def test_nothing_is_frozen_for_a_low_alarm_nor_for_the_one_that_stands(tmp_path:
 def test_keys_commands_and_stops_are_noted_and_the_stop_goes_first(tmp_path: Path) -> None:
     bench, order = FlightBench(tmp_path), []
     below = FixedControl(bench.state)
-    below.stop = lambda reason: order.append(len(bench.inbox.taken()[0]))  # type: ignore[method-assign]
+    below.stop = lambda reason: order.append(len(bench.inbox.take_entries()[0]))  # type: ignore[method-assign]
     control = RecordedControl(below, bench.inbox)
     control.stop("space")
     assert order == [0]
     control.post(Home())
-    bench.inbox.put(Kind.KEY, "f4")
+    bench.inbox.put(NoteKind.KEY, "f4")
     bench.stops("space")
     bench.runs(6.0)
     notes = [(note.kind, note.text) for note in bench.frozen[0].notes]
@@ -127,27 +127,27 @@ def test_lines_of_the_link_are_noted_and_polls_counted(tmp_path: Path) -> None:
     bench.inbox.put("!", b"\x01")
     bench.stops("space")
     bench.runs(31.0)
-    notes = [note.text for note in bench.frozen[0].notes if note.kind is Kind.LINK]
+    notes = [note.text for note in bench.frozen[0].notes if note.kind is NoteKind.LINK]
     assert notes == ["> #1J^200", "< [ACK]", "! [^A]"]
     bench.recorder.close("SIGTERM")
     bench.recorder._finish()
-    counted = [note.text for note in bench.frozen[-1].notes if note.kind is Kind.LEFT_OUT]
+    counted = [note.text for note in bench.frozen[-1].notes if note.kind is NoteKind.LEFT_OUT]
     assert sum(int(words.split()[0].removeprefix("polls=")) for words in counted) == 200
 
 
 def test_what_overruns_the_queue_is_lost_and_counted(tmp_path: Path) -> None:
     bench = FlightBench(tmp_path)
     for _ in range(WAITING + 7):
-        bench.inbox.put(Kind.KEY, "x")
+        bench.inbox.put(NoteKind.KEY, "x")
     bench.stops("space")
     bench.runs(6.0)
     notes = bench.frozen[0].notes
-    assert len([note for note in notes if note.kind is Kind.KEY]) == WAITING
-    assert [note.text for note in notes if note.kind is Kind.LOST] == ["7"]
+    assert len([note for note in notes if note.kind is NoteKind.KEY]) == WAITING
+    assert [note.text for note in notes if note.kind is NoteKind.LOST] == ["7"]
 
 
 def test_the_newest_files_are_kept_and_what_is_not_ours_stays(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
-    monkeypatch.setattr(frozen, "MOST_FILES", 3)
+    monkeypatch.setattr(frozen_recordings, "MOST_FILES", 3)
     folder = tmp_path / "flight"
     folder.mkdir()
     for name in ("20200101T000000Z-a-b.flight", "20210101T000000Z-a-b.flight", "mine.flight", "notes.txt"):
@@ -161,7 +161,7 @@ def test_the_newest_files_are_kept_and_what_is_not_ours_stays(tmp_path: Path, mo
     assert len(names) == 5
     assert names[0] == "20210101T000000Z-a-b.flight"
     assert names[3:] == ["mine.flight", "notes.txt"]
-    monkeypatch.setattr(frozen, "MOST_BYTES", 1)
+    monkeypatch.setattr(frozen_recordings, "MOST_BYTES", 1)
     bench.stops("f12")
     bench.runs(6.0)
     (left,) = frozen_in(tmp_path)

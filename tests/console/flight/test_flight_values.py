@@ -17,9 +17,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from console.flight.plain_values import ARRAY, changes, plain
-from console.flight.recorded_forms import Moment, names, recorded, work_of
-from console.flight.recording import Typed, machine_of, patched
+from console.flight.plain_values import ARRAY, changes, to_json_value
+from console.flight.recorded_forms import RecordedMoment, names, to_recorded_form, work_of
+from console.flight.recording import RecordingReader, apply_changes, machine_of
 from console.session.learning.calibrating import PartLobe
 from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutProgress
@@ -94,7 +94,7 @@ def same(a: object, b: object) -> bool:
     return a == b or (a != a and b != b)
 
 
-MOMENTS = values(Moment)
+MOMENTS = values(RecordedMoment)
 
 
 def written(tree: Any) -> Any:
@@ -103,24 +103,26 @@ def written(tree: Any) -> Any:
 
 
 @given(MOMENTS)
-def test_any_moment_comes_back_as_it_was(moment: Moment) -> None:
-    assert same(Typed().read(Moment, written(plain(moment, recorded))), moment)
+def test_any_moment_comes_back_as_it_was(moment: RecordedMoment) -> None:
+    assert same(RecordingReader().read(RecordedMoment, written(to_json_value(moment, to_recorded_form))), moment)
 
 
 @pytest.mark.long
 @settings(suppress_health_check=[HealthCheck.large_base_example])  # a moment is large, and here are two
 @given(MOMENTS, MOMENTS)
-def test_what_changed_leads_from_any_moment_to_any_other(before: Moment, now: Moment) -> None:
-    tree = patched(written(plain(before, recorded)), written(changes(before, now, recorded)))
-    assert same(Typed().read(Moment, tree), now)
+def test_what_changed_leads_from_any_moment_to_any_other(before: RecordedMoment, now: RecordedMoment) -> None:
+    tree = apply_changes(
+        written(to_json_value(before, to_recorded_form)), written(changes(before, now, to_recorded_form))
+    )
+    assert same(RecordingReader().read(RecordedMoment, tree), now)
 
 
 @pytest.mark.parametrize("page", PageName)
 def test_the_scenes_of_all_pages_come_back(page: PageName) -> None:
     scene = scene_of(page)
-    moment = Moment(state=scene.state, page=page, work=work_of(scene.work))
-    back = Typed().read(Moment, written(plain(moment, recorded)))
-    assert same(written(plain(back, recorded)), written(plain(moment, recorded)))
+    moment = RecordedMoment(state=scene.state, page=page, work=work_of(scene.work))
+    back = RecordingReader().read(RecordedMoment, written(to_json_value(moment, to_recorded_form)))
+    assert same(written(to_json_value(back, to_recorded_form)), written(to_json_value(moment, to_recorded_form)))
     assert (back.work, back.page) == (moment.work, moment.page)
 
 
@@ -130,14 +132,14 @@ def test_samples_of_a_cut_that_slide_are_written_once() -> None:
     change = changes(cut, later)
     assert [*change] == ["errors_um"]
     assert len(json.dumps(change)) < 100  # three numbers of eight bytes in base64, of 240
-    tree = patched(written(plain(cut)), written(change))
-    assert same(Typed().read(CutProgress, tree), later)
+    tree = apply_changes(written(to_json_value(cut)), written(change))
+    assert same(RecordingReader().read(CutProgress, tree), later)
 
 
 def test_the_bundled_machines_come_back() -> None:
     for entry in list_machines():
         machine = load_machine(entry.name).machine
-        assert machine_of(written(plain(machine))) == machine
+        assert machine_of(written(to_json_value(machine))) == machine
 
 
 @pytest.mark.parametrize(
@@ -167,11 +169,11 @@ def test_the_bundled_machines_come_back() -> None:
     ],
 )
 def test_a_value_that_is_none_is_refused(path: str, value: object) -> None:
-    tree = written(plain(scene_of(PageName.RUN).state))
+    tree = written(to_json_value(scene_of(PageName.RUN).state))
     kind = type(scene_of(PageName.RUN).state)
-    Typed().read(kind, tree)
+    RecordingReader().read(kind, tree)
     with pytest.raises((TypeError, ValueError, OverflowError)):
-        Typed().read(kind, patched(tree, {path: value}))
+        RecordingReader().read(kind, apply_changes(tree, {path: value}))
 
 
 def test_samples_are_read_as_an_array_however_numpy_writes_its_alias() -> None:
@@ -182,5 +184,5 @@ def test_samples_are_read_as_an_array_however_numpy_writes_its_alias() -> None:
 
     samples = np.array([1.0, 2.5])
     for hint in (Floats, GenericAlias(NDArray, (np.float64,))):
-        found = Typed().read(hint, {ARRAY: b64encode(samples.tobytes()).decode()})
+        found = RecordingReader().read(hint, {ARRAY: b64encode(samples.tobytes()).decode()})
         assert np.array_equal(found, samples)

@@ -18,7 +18,7 @@ from console.session.station.state import Activity, MeasuredPart, StationState, 
 from console.session.work import Work
 from drivers.cutting.feed_hold import HoldReport, HoldState
 from drivers.cutting.planning import Strategy
-from drivers.lathe.standing import Standing
+from drivers.lathe.console_role import ConsoleRole
 from drivers.simulator.plant.workshop_view import CollisionKind, WorkshopView
 from profiles.compensations.causes import Cause, CauseKind
 from profiles.problem import Problem
@@ -100,7 +100,7 @@ def moments() -> Iterator[dict[str, Any]]:
         yield {"activity": Activity.CUTTING, "cut": run_stage.cut(hold=HoldReport(state=state))}
     yield {"armed": run_stage.armed()}
     yield {"activity": Activity.ARMING, "loading_until_s": 101.0}
-    yield {"standing": Standing.OBSERVER}
+    yield {"standing": ConsoleRole.OBSERVER}
 
 
 def parts() -> Iterator[MeasuredPart | None]:

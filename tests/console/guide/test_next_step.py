@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from console.session.cut.alignment import ENDED_EARLY, Alignment
-from console.session.cut.compensated import using
+from console.session.cut.compensated_cut import using
 from console.session.force_record import ForceCheck
-from console.session.guide.refusals import AGAINST, refused
+from console.session.guide.refusals import AGAINST, find_refusals
 from console.session.guide.rows import ALIGN, INSPECT, RUN, Row, next_step, row_of
 from console.session.guide.situation import Situation
 from console.session.learning.calibrating import PartLobe, lobe_of
@@ -23,13 +23,13 @@ from console.session.learning.part_learning import PartLearning, accept
 from console.session.station.commands import Approach, Arm, Command, ConfirmClamping, Jog, NoteJog, TakeTouchOff
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState, StopState, TouchedBlank
-from console.session.work import Work, opened
+from console.session.work import Work, open_work
 from console.text.catalogue import load
 from console.tui.keymap import ACTIONS
 from drivers.cutting.feed_hold import HoldReport, HoldState
 from drivers.cutting.planning import Strategy
+from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.snapshot import AxisName
-from drivers.lathe.standing import Standing
 from drivers.simulator.plant.workshop_view import CollisionKind, WorkshopView
 from profiles.compensations.causes import Cause, CauseKind
 from profiles.problem import Problem
@@ -113,7 +113,7 @@ def moments() -> Iterator[dict[str, Any]]:
         yield {"activity": Activity.CUTTING, "cut": run_stage.cut(hold=HoldReport(state=state))}
     yield {"armed": run_stage.armed()}
     yield {"activity": Activity.ARMING, "loading_until_s": 101.0}
-    yield {"standing": Standing.OBSERVER}
+    yield {"standing": ConsoleRole.OBSERVER}
 
 
 def parts() -> Iterator[MeasuredPart | None]:
@@ -287,11 +287,11 @@ def test_the_guide_leads_to_a_learned_part(
     lathe.write_text(compact_text("pmac"), encoding="utf-8")
     job = load_job(str(job_file(cut_length_mm="0.5", feed_mm_per_rev="0.1")))
     data, machine = data_folder / "trilobe", load_machine(str(lathe))
-    novice = Novice(open_floor(data, 11, "steady", machine), opened(job, machine), data)
+    novice = Novice(open_floor(data, 11, "steady", machine), open_work(job, machine), data)
     said: list[str] = []
     while len(said) < 40 and (not said or said[-1] != "inspect.kept"):
         row = next_step(now := novice.now())
-        assert refused(row.key or "", now) == (), row.word
+        assert find_refusals(row.key or "", now) == (), row.word
         said.append(row.word)
         novice.follow(row)
     align = ["clamp", "drives", "home", "jaw_enable", "jaw", "touch_off", "touch_off_over_enable"]

@@ -9,16 +9,16 @@ from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.parser import parse_line
-from drivers.pmac.language.structure import Code, link
+from drivers.pmac.language.structure import ExecutableProgram, link
 from drivers.pmac.language.syntax import VariableKind
-from drivers.pmac.requests import BlendBreak, Finished, Request
+from drivers.pmac.requests import BlendBreak, EndOfProgram, Request
 from drivers.pmac.settings import settings_with
 from drivers.pmac.variables import VariableStore
 
 ORIGIN = {"X": 0.0, "Y": 0.0, "Z": 0.0}
 
 
-def code_of(text: str) -> Code:
+def code_of(text: str) -> ExecutableProgram:
     return link(tuple(parse_line(line) for line in text.split("\n")))
 
 
@@ -79,7 +79,7 @@ class Bench:
             number=number,
         )
 
-    def library(self, number: int) -> Code | None:
+    def library(self, number: int) -> ExecutableProgram | None:
         text = self.programs.get(number)
         return None if text is None else code_of(text)
 
@@ -92,7 +92,7 @@ def requests_of(run: ProgramRun, looks: int = 1000) -> list[Request]:
     requests: list[Request] = []
     for _ in range(looks):
         request = run.advance()
-        if isinstance(request, Finished):
+        if isinstance(request, EndOfProgram):
             return requests
         if not isinstance(request, BlendBreak):
             requests.append(request)

@@ -16,7 +16,7 @@ from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.structure import link
 from drivers.pmac.language.syntax import Line, VariableKind
 from drivers.pmac.language.text import format_line
-from drivers.pmac.requests import BlendBreak, Finished, Request
+from drivers.pmac.requests import BlendBreak, EndOfProgram, Request
 from drivers.pmac.settings import settings_with
 from drivers.pmac.variables import VariableStore
 from tests.drivers.language.runs import Bench
@@ -41,7 +41,7 @@ def run_as_far_as_it_goes(bench: Bench, text: str, strict: bool) -> None:
     try:
         run = bench.start(text, strict=strict)
         for _ in range(LOOKS):
-            if isinstance(run.advance(), Finished):
+            if isinstance(run.advance(), EndOfProgram):
                 return
     except PmacError:
         return
@@ -136,7 +136,7 @@ def seen(text: str, store: VariableStore, strict: bool) -> Seen:
         for _ in range(1000):
             request = run.advance()
             requests.append((run.line, request))
-            if isinstance(request, Finished):
+            if isinstance(request, EndOfProgram):
                 break
     except PmacError as fault:
         error = run.line, str(fault), run.first_line

@@ -279,7 +279,7 @@ def test_a_line_of_a_program(typed: str, text: str) -> None:
 @pytest.mark.parametrize(("typed", "text"), SHORT.items())
 def test_a_line_in_short(typed: str, text: str) -> None:
     kept = stored_line(typed)
-    assert kept.listed(in_full=False) == text
+    assert kept.list_line(in_full=False) == text
     assert stored_line(text) == kept
 
 
@@ -299,7 +299,7 @@ def test_a_listed_line_is_the_line_that_was_typed(line: Line) -> None:
 @given(trees.lines)
 def test_a_line_that_is_listed_in_short_is_read_back_as_the_same_line(line: Line) -> None:
     kept = stored_line(format_line(line))
-    assert stored_line(kept.listed(in_full=False)) == kept
+    assert stored_line(kept.list_line(in_full=False)) == kept
 
 
 @pytest.mark.parametrize(
@@ -307,14 +307,14 @@ def test_a_line_that_is_listed_in_short_is_read_back_as_the_same_line(line: Line
 )
 def test_a_short_word_is_not_taken_for_the_beginning_of_a_longer_one(typed: str) -> None:
     kept = stored_line(typed)
-    assert parse_line(kept.listed(in_full=False)) == parse_line(kept.text) == kept.statements
+    assert parse_line(kept.list_line(in_full=False)) == parse_line(kept.text) == kept.statements
 
 
 @pytest.mark.parametrize("in_full", [True, False])
 @pytest.mark.parametrize("typed", [(), ("X1",), ("X1", "RETURN"), ("X1", "ret")])
 def test_a_listing_that_is_sent_back_is_listed_the_same(typed: tuple[str, ...], in_full: bool) -> None:
     def listed(texts: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(line.listed(in_full=in_full) for line in with_end([stored_line(text) for text in texts]))
+        return tuple(line.list_line(in_full=in_full) for line in with_end([stored_line(text) for text in texts]))
 
     once = listed(typed)
     assert once[-1] == ("RETURN" if in_full else "RET")

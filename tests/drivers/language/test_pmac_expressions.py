@@ -13,7 +13,7 @@ from drivers.pmac.language.evaluate import compile_condition, compile_expression
 from drivers.pmac.language.expressions import parse_condition, parse_data, parse_expression, parse_variable
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.parser import parse_line
-from drivers.pmac.language.structure import Code, link
+from drivers.pmac.language.structure import ExecutableProgram, link
 from drivers.pmac.language.syntax import (
     Assign,
     Call,
@@ -355,7 +355,7 @@ class Store:
         return self.values.get(f"{kind}{index}", 0.0)
 
 
-def code_of(text: str) -> Code:
+def code_of(text: str) -> ExecutableProgram:
     return link(tuple(parse_line(line) for line in text.split("\n")))
 
 
@@ -423,7 +423,7 @@ def test_labels_are_found_and_an_empty_program_has_no_instructions() -> None:
     assert [code.find(label) for label in (10, 20, 0, 30)] == [1, 6, 0, None]
     assert code_of("X1\nN0 X2").find(0) == 1
     assert code_of("").find(0) == 0
-    assert code_of("\n\n") == Code((), (), ())
+    assert code_of("\n\n") == ExecutableProgram((), (), ())
 
 
 @pytest.mark.parametrize(

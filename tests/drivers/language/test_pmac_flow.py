@@ -13,7 +13,7 @@ from drivers.pmac.requests import (
     BlendBreak,
     CircleRequest,
     DwellRequest,
-    Finished,
+    EndOfProgram,
     Halt,
     LinearRequest,
     RapidRequest,
@@ -101,7 +101,7 @@ def test_gosub_comes_back_and_return_or_the_end_finish_what_they_are_in() -> Non
     assert targets(Bench().run(text)) == [10, 1, 20, 2]
     run = Bench().start("X1\nRETURN\nX2")
     assert isinstance(run.advance(), LinearRequest)
-    assert run.advance() == run.advance() == Finished()
+    assert run.advance() == run.advance() == EndOfProgram()
     assert targets(Bench().run("GOSUB10 X1 RETURN\nN10 X5")) == [5, 1]
 
 

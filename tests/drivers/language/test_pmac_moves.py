@@ -9,11 +9,11 @@ import pytest
 from drivers.pmac.dialect import TURBO
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.parser import parse_line
-from drivers.pmac.preprocessor import MOST_CHARACTERS, MOST_LINES, Place, preprocess
+from drivers.pmac.preprocessor import MOST_CHARACTERS, MOST_LINES, LineNumber, preprocess
 from drivers.pmac.program_text import RefusedLine, read_program
 from drivers.pmac.requests import (
     CircleRequest,
-    Deferred,
+    DeferredValue,
     DwellRequest,
     HomeRequest,
     LinearRequest,
@@ -207,8 +207,8 @@ def test_synchronous_assignments_wait_for_a_move_and_combine() -> None:
     bench = Bench(M2=6)
     requests = bench.run("M1==P1+1 X1\nM1==2\nM1==3\nM(P1+2)&=3\nX2\nM1==4\nDWELL10\nX3")
     deferred = [r.deferred for r in requests if isinstance(r, LinearRequest | DwellRequest)]
-    m1 = [Deferred(kind=d.kind, index=1, value=v) for (d, *_), v in zip(deferred[:3], (1, 3, 4), strict=True)]
-    assert deferred == [(m1[0],), (m1[1], Deferred(kind=m1[0].kind, index=2, value=2)), (m1[2],), ()]
+    m1 = [DeferredValue(kind=d.kind, index=1, value=v) for (d, *_), v in zip(deferred[:3], (1, 3, 4), strict=True)]
+    assert deferred == [(m1[0],), (m1[1], DeferredValue(kind=m1[0].kind, index=2, value=2)), (m1[2],), ()]
     assert bench.value("M1") == 0
     bench = Bench()
     bench.run("X1\nM1==1")
@@ -276,11 +276,11 @@ def test_they_act_when_their_line_is_calculated_in_the_order_of_the_program() ->
 def test_nobody_has_to_listen() -> None:
     from drivers.pmac.execution.move_times import Modes
     from drivers.pmac.execution.run import ProgramRun
-    from drivers.pmac.requests import Finished
+    from drivers.pmac.requests import EndOfProgram
     from tests.drivers.language.runs import code_of
 
     text = 'CMD"A"\nSEND"x"\nDISPLAY"y"\nENABLE PLC 1'
-    assert ProgramRun(code_of(text), Bench().store, Modes(), {}).advance() == Finished()
+    assert ProgramRun(code_of(text), Bench().store, Modes(), {}).advance() == EndOfProgram()
 
 
 @pytest.mark.parametrize(
@@ -390,22 +390,22 @@ def test_a_program_is_read_with_its_directives_carried_out() -> None:
     refused: list[RefusedLine] = []
     read = read_program(text, refused, include=include)
     assert read.lines == ("P1=20", "OPEN PROG 5 CLEAR", "X(20)", "X10 bad", "F(20)", "CLOSE")
-    assert read.places == {5: (Place(4, "speeds.h:3"), 5)}
+    assert read.places == {5: (LineNumber(4, "speeds.h:3"), 5)}
     assert [(line.place, line.where, line.text) for line in refused] == [
-        (Place(4, "speeds.h:4"), "4, speeds.h:4", "X10 bad")
+        (LineNumber(4, "speeds.h:4"), "4, speeds.h:4", "X10 bad")
     ]
     with pytest.raises(PmacError, match=r"line 4, speeds\.h:4"):
         read_program(text, include=include)
 
 
 def test_a_number_is_the_line_of_the_text_itself_and_of_no_included_file() -> None:
-    places = [3, Place(3), Place(3, "a.h:1"), Place(3, "a.h:2"), Place(4, "a.h:1")]
+    places = [3, LineNumber(3), LineNumber(3, "a.h:1"), LineNumber(3, "a.h:2"), LineNumber(4, "a.h:1")]
     same = [[one == other for other in places] for one in places]
     of_the_text = [True, True, False, False, False]
     assert same[0] == same[1] == of_the_text
     assert [row.count(True) for row in same[2:5]] == [1, 1, 1]
     assert all((one != other) is not (one == other) for one in places for other in places)
-    assert len(set(places)) == 4 and Place(3) + 1 == 4
+    assert len(set(places)) == 4 and LineNumber(3) + 1 == 4
 
 
 def test_a_file_that_includes_itself_or_leaves_nothing_is_told_once() -> None:

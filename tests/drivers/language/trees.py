@@ -8,7 +8,7 @@ from typing import cast
 
 from hypothesis import strategies as st
 
-from drivers.pmac.language.expressions import COMPARATORS, FUNCTIONS, PRODUCTS, SUMS, negated
+from drivers.pmac.language.expressions import COMPARATORS, FUNCTIONS, PRODUCTS, SUMS, negate_operand
 from drivers.pmac.language.parser import (
     ARGUMENTS,
     CODES,
@@ -40,7 +40,7 @@ from drivers.pmac.language.syntax import (
     FurtherCondition,
     Gosub,
     Goto,
-    Home,
+    HomeMotors,
     If,
     Junction,
     Label,
@@ -79,7 +79,7 @@ def grow(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
     return (
         st.builds(Binary, st.sampled_from(SUMS + PRODUCTS), inner, inner)
         | st.builds(Call, st.sampled_from(FUNCTIONS), inner)
-        | st.builds(negated, inner)
+        | st.builds(negate_operand, inner)
         | st.builds(Variable, kinds, inner)
     )
 
@@ -152,7 +152,7 @@ flow: st.SearchStrategy[Statement] = st.one_of(
 others: st.SearchStrategy[Statement] = st.one_of(
     st.builds(Normal, words_of(VECTOR)),
     st.builds(Preset, words_of(AXES)),
-    st.builds(Home, numbers, st.booleans()),
+    st.builds(HomeMotors, numbers, st.booleans()),
     st.builds(Wait, st.sampled_from(["DWELL", "DELAY"]), expressions),
     st.builds(Argument, st.just("S"), expressions),
     messages,

@@ -13,7 +13,7 @@ from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.requests import (
     CircleRequest,
-    Finished,
+    EndOfProgram,
     LinearRequest,
     PvtRequest,
     RapidRequest,
@@ -21,7 +21,7 @@ from drivers.pmac.requests import (
     SplineRequest,
 )
 from drivers.pmac.trajectory.pieces import Piece, position_at, velocity_at
-from drivers.pmac.trajectory.planned import Planned
+from drivers.pmac.trajectory.planned_pieces import PlannedPieces
 from drivers.pmac.trajectory.planner import MotionPlanner
 from drivers.pmac.variables import VariableStore
 
@@ -38,7 +38,7 @@ class Script:
 
     def advance(self) -> Request:
         self.given += 1
-        return next(self._requests, Finished())
+        return next(self._requests, EndOfProgram())
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def planner_for(
     return MotionPlanner(cast(ProgramRun, Script(requests)), read, variables, position)
 
 
-def plans(planner: MotionPlanner) -> list[Planned]:
+def plans(planner: MotionPlanner) -> list[PlannedPieces]:
     """Everything up to the end; events are taken as done, nothing moved by them."""
     done = []
     while True:

@@ -9,7 +9,7 @@ from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.requests import (
     BlendBreak,
-    Deferred,
+    DeferredValue,
     DwellRequest,
     Halt,
     HomeRequest,
@@ -112,7 +112,7 @@ def test_with_ix92_every_move_stops_and_i11_passes_before_each() -> None:
     assert made.velocity(110.0, 1) == pytest.approx(0.0, abs=1e-9)
 
 
-M1 = (Deferred(kind=VariableKind.M, index=1, value=1.0),)
+M1 = (DeferredValue(kind=VariableKind.M, index=1, value=1.0),)
 
 
 @pytest.mark.parametrize(
@@ -211,7 +211,7 @@ def test_pset_moves_the_origin_of_the_axis_and_no_motor() -> None:
     planner.plan()
     planner.plan()
     origins = preset_origins({}, {"X": 100.0}, {"X": 5.0})
-    planner.relocate((10_000.0,), (definition.shifted(origins),))
+    planner.relocate((10_000.0,), (definition.shift_origins(origins),))
     last = Motion((*planner.plan().pieces, *planner.settle()))
     assert last.at(0.0) == 10_000.0
     assert last.end() == pytest.approx(10_100.0)

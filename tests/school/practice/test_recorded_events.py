@@ -10,22 +10,22 @@ import pytest
 
 from console.flight.recording import Recording
 from console.school.practice.as_lesson import lesson_of_practice, lesson_text, steps_of
-from console.school.practice.moment_before import likeness
 from console.school.practice.practice import Practice, practice_of
-from console.school.practising import machine_recorded, work_recorded
-from console.school.training.event import Event
+from console.school.practice.practice_start import likeness
+from console.school.practice_lathe import machine_recorded, work_recorded
+from console.school.training.event import LessonEvent
 from console.school.training.lesson import lesson_of, load_lesson
 from console.school.words.practice import lesson_words, practice_lines
 from console.session.errors import SessionError
-from console.session.station.begins import Begins
 from console.session.station.commands import Home, Measure, Start
 from console.session.station.handlers import begin_as
 from console.session.station.progress import CutStage
+from console.session.station.session_start import SessionStart
 from console.session.station.state import Activity
-from console.session.work import Work, opened
+from console.session.work import Work, open_work
 from console.text.catalogue import LANGUAGES, load
 from drivers.cutting.planning import Strategy
-from drivers.placed import Placed, placed_of, placed_text
+from drivers.lathe_placement import LathePlacement, placed_of, placed_text
 from drivers.simulator.faults.board import check_line
 from profiles.files import parse_toml
 from profiles.job import Job
@@ -46,7 +46,7 @@ OWN: Job = replace(experiment().job, name="flange-52", cut_length_mm=12.0)
 
 def own_work() -> Work:
     loaded = LoadedJob(job=OWN, path=Path("/somewhere/flange-52.toml"), sha256="f" * 64)
-    return opened(loaded, lathe())
+    return open_work(loaded, lathe())
 
 
 def bench_of(data: Path, **changes: Any) -> FlightBench:
@@ -301,10 +301,10 @@ def taken(left: Floor, data: Path, seed: int) -> Floor:
         snapshot.spindle.position / machine.spindle.counts_per_rev,
     )
     jaw_1_deg, tip_mm = state.alignment.jaw.angle_deg, machine.tool.home_radius_mm
-    placed = Placed(axes=axes, jaw_1_deg=jaw_1_deg, tip_radius_mm=tip_mm, job=JOB)
+    placed = LathePlacement(axes=axes, jaw_1_deg=jaw_1_deg, tip_radius_mm=tip_mm, job=JOB)
     sent = placed_of(placed_text(placed))
     assert sent == placed
-    return open_floor(data, seed, placed=sent, begins=Begins(alignment=state.alignment, drives_on=True))
+    return open_floor(data, seed, placed=sent, begins=SessionStart(alignment=state.alignment, drives_on=True))
 
 
 @pytest.mark.parametrize("seed", [4, 9])
@@ -340,7 +340,7 @@ def test_a_part_is_cut_on_it_and_homing_again_finds_the_same_zeros(left: Floor, 
 
 def test_the_recorded_fault_comes_in_its_cut(left: Floor, tmp_path: Path) -> None:
     floor = taken(left, tmp_path, 9)
-    event = Event(after="in_cut", wait_s=0.5, fault="following-error-trip motor=spindle")
+    event = LessonEvent(after="in_cut", wait_s=0.5, fault="following-error-trip motor=spindle")
     lesson = replace(load_lesson("drive-fails", tmp_path), steps=("in_cut", "stopped_in_cut"), events=(event,))
     pupil = Pupil(floor, lesson)
     floor.arm(replace(JOB, cut_length_mm=6.0), Strategy.PVT)
@@ -354,5 +354,5 @@ def test_a_machine_that_is_not_simulated_is_not_taken_up(left: Floor, tmp_path: 
     floor = open_floor(tmp_path)
     floor.context.shop = None
     with pytest.raises(SessionError):
-        begin_as(floor.context, Begins(alignment=left.state.alignment, drives_on=True))
+        begin_as(floor.context, SessionStart(alignment=left.state.alignment, drives_on=True))
     assert floor.state.alignment.jaw is None and not floor.state.alignment.drives_on

@@ -16,18 +16,18 @@ from hypothesis import strategies as st
 from console.__main__ import main
 from console.session.errors import SessionError
 from console.session.feed.feed_state import FeedAlarm, FeedState
-from console.session.feed.observed import Observed
+from console.session.feed.observed_state import ObservedState
 from console.session.feed.report import report
 from console.session.station.state import Activity, StationState
 from console.site.exchange.broker import Broker, credentials
 from console.site.exchange.mtconnect import (
     ITEMS,
     NAMESPACE,
-    Published,
+    PublishedState,
     devices_xml,
     is_news,
     messages,
-    published,
+    publish_state,
     shdr_lines,
 )
 from profiles.store import load_machine
@@ -45,12 +45,12 @@ MODES = {"AUTOMATIC", "MANUAL"}
 
 
 def state(of: StationState, **more: Any) -> FeedState:
-    observed = Observed(state=of, machine=MACHINE, now_s=of.at_s, **more)
+    observed = ObservedState(state=of, machine=MACHINE, now_s=of.at_s, **more)
     return report(observed, process=7, operator="kim", at_utc=AT)
 
 
-def shown(of: StationState, **more: Any) -> Published:
-    return published(state(of, **more), AT)
+def shown(of: StationState, **more: Any) -> PublishedState:
+    return publish_state(state(of, **more), AT)
 
 
 def tokens(line: str) -> list[str]:
@@ -100,7 +100,7 @@ def test_afterwards_only_what_has_changed() -> None:
 
 
 def test_without_a_console_everything_is_unavailable() -> None:
-    gone = published(None, AT)
+    gone = publish_state(None, AT)
     (values, *conditions) = shdr_lines(gone, shown(CUTTING))
     changed = tokens(values)[1:]
     assert set(changed[1::2]) == {"UNAVAILABLE"}
@@ -122,7 +122,7 @@ def test_a_lost_link_leaves_the_alarm_about_it_and_no_old_positions() -> None:
 
 
 def test_old_values_are_not_told_as_current() -> None:
-    old = published(replace(state(CUTTING), stale=True), AT)
+    old = publish_state(replace(state(CUTTING), stale=True), AT)
     assert {old.values[item.key] for item in ITEMS if item.units} == {"UNAVAILABLE"}
     assert old.values["execution"] == "ACTIVE"
 
@@ -131,8 +131,8 @@ def alarm(code: str, priority: str, text: str, kind: str = "new") -> FeedAlarm:
     return FeedAlarm(number=1, code=code, priority=priority, state=kind, text=text)
 
 
-def with_alarms(*alarms: FeedAlarm) -> Published:
-    return published(replace(state(CUTTING), alarms=alarms), AT)
+def with_alarms(*alarms: FeedAlarm) -> PublishedState:
+    return publish_state(replace(state(CUTTING), alarms=alarms), AT)
 
 
 def test_alarms_are_conditions_with_their_codes() -> None:
@@ -167,7 +167,7 @@ def test_an_agent_that_comes_later_hears_the_alarms_that_stand() -> None:
 
 @given(st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=20))
 def test_any_name_of_a_job_reaches_the_agent(job: str) -> None:
-    values = published(replace(state(CUTTING), job=job), AT)
+    values = publish_state(replace(state(CUTTING), job=job), AT)
     (line, *_) = shdr_lines(values, None)
     found = tokens(line)
     assert "\n" not in line
@@ -256,22 +256,22 @@ def test_every_data_item_is_documented() -> None:
 
 def state_mqtt(**more: Any) -> FeedState:
     of = scenes.machine(Activity.READY)
-    observed = Observed(state=of, machine=load_machine("lee-2001-lathe").machine, now_s=of.at_s)
+    observed = ObservedState(state=of, machine=load_machine("lee-2001-lathe").machine, now_s=of.at_s)
     return replace(report(observed, process=7, operator="kim", at_utc=AT), **more)
 
 
 def test_available_comes_last_and_unavailable_first() -> None:
-    assert list(messages(published(state_mqtt(), AT), state_mqtt()))[-1] == "avail"
-    assert next(iter(messages(published(None, AT), None))) == "avail"
+    assert list(messages(publish_state(state_mqtt(), AT), state_mqtt()))[-1] == "avail"
+    assert next(iter(messages(publish_state(None, AT), None))) == "avail"
 
 
 def test_alarms_are_told_with_their_level() -> None:
     alarm = FeedAlarm(number=1, code="record.lost", priority="low", state="new", text="disk full")
-    one = messages(published(state_mqtt(alarms=(alarm,)), AT), state_mqtt())
+    one = messages(publish_state(state_mqtt(alarms=(alarm,)), AT), state_mqtt())
     told = {"level": "WARNING", "code": "record.lost", "priority": "low", "text": "disk full"}
     assert json.loads(one["system"]) == {"level": "WARNING", "active": [told]}
     assert json.loads(one["motion"]) == {"level": "NORMAL", "active": []}
-    gone = messages(published(None, AT), None)
+    gone = messages(publish_state(None, AT), None)
     assert json.loads(gone["system"]) == {"level": "UNAVAILABLE", "active": []}
     assert gone["state"] == b""
 

@@ -21,7 +21,7 @@ import pytest
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 
-from console.session.feed.observed import Observed
+from console.session.feed.observed_state import ObservedState
 from console.session.feed.server import FeedServer
 from console.session.station.state import Activity, StationState
 from console.site.exchange import publisher
@@ -121,8 +121,8 @@ class Shown:
     def __init__(self) -> None:
         self.state, self.parts = READY, 0
 
-    def observed(self) -> Observed:
-        return Observed(state=self.state, machine=MACHINE, now_s=0.0, job="ring", parts=self.parts)
+    def observed(self) -> ObservedState:
+        return ObservedState(state=self.state, machine=MACHINE, now_s=0.0, job="ring", parts=self.parts)
 
 
 @contextmanager

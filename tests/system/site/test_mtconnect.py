@@ -17,14 +17,14 @@ from pathlib import Path
 import pytest
 
 from console.session.feed.feed_state import FeedState
-from console.session.feed.observed import Observed
-from console.session.feed.place import claimed
+from console.session.feed.observed_state import ObservedState
+from console.session.feed.place import claim_place
 from console.session.feed.report import report
 from console.session.feed.server import FeedServer
 from console.session.station.state import Activity, StationState
 from console.site.exchange.adapter import MOST_CLIENTS, Adapter
-from console.site.exchange.mtconnect import published
-from drivers.lathe.standing import Standing
+from console.site.exchange.mtconnect import publish_state
+from drivers.lathe.console_role import ConsoleRole
 from profiles.store import load_machine
 from tests.preloaded import Preloaded, completed
 from tests.trainee import console, console_at
@@ -42,8 +42,8 @@ class Shown:
     def __init__(self, state: StationState) -> None:
         self.state, self.parts = state, 0
 
-    def observed(self) -> Observed:
-        return Observed(state=self.state, machine=MACHINE, now_s=0.0, job="ring", parts=self.parts)
+    def observed(self) -> ObservedState:
+        return ObservedState(state=self.state, machine=MACHINE, now_s=0.0, job="ring", parts=self.parts)
 
 
 class Agent:
@@ -124,11 +124,11 @@ def test_a_ping_is_answered_with_how_often_it_has_to_come(adapter: Adapter) -> N
 
 def test_who_never_pings_is_served_all_the_same(adapter: Adapter) -> None:
     agent = Agent(adapter.start())
-    adapter.show(published(None, "2026-01-01T00:00:00Z"))
+    adapter.show(publish_state(None, "2026-01-01T00:00:00Z"))
     assert agent.fields()[:2] == ["avail", "UNAVAILABLE"]
     time.sleep(1.2)  # longer than the timeout of one that pings; nothing is simulated here
     agent.link.sendall(b"what is this?\n")  # no command of the protocol: ignored
-    adapter.show(published(state_line(1), ""))
+    adapter.show(publish_state(state_line(1), ""))
     agent.until("part_count", "1")
     agent.close()
 
@@ -140,7 +140,7 @@ def test_who_does_not_read_is_dropped_and_holds_up_nobody(adapter: Adapter) -> N
     began_s, parts = time.monotonic(), 0
     while parts < 20 or time.monotonic() - began_s < 2.0:
         parts += 1
-        adapter.show(published(replace(state_line(parts), job=f"{long_name}{parts}"), ""))
+        adapter.show(publish_state(replace(state_line(parts), job=f"{long_name}{parts}"), ""))
         agent.until("part_count", str(parts))
     with suppress(ConnectionError):
         while stalled.link.recv(1_000_000):  # else this would time out
@@ -160,7 +160,7 @@ def test_a_line_without_an_end_is_dropped(adapter: Adapter) -> None:
 
 def test_who_comes_beyond_the_most_is_dropped(adapter: Adapter) -> None:
     address = adapter.start()
-    adapter.show(published(None, "2026-01-01T00:00:00Z"))
+    adapter.show(publish_state(None, "2026-01-01T00:00:00Z"))
     with ExitStack() as held:
         for _ in range(MOST_CLIENTS):
             agent = Agent(address)
@@ -215,7 +215,7 @@ def test_a_simulated_console_is_not_told_as_the_real_machine(tmp_path: Path) -> 
 
 
 def test_of_two_consoles_on_a_machine_that_is_told_which_controls_it(tmp_path: Path) -> None:
-    owner, observer = Shown(READY), Shown(replace(READY, standing=Standing.OBSERVER, holder=12))
+    owner, observer = Shown(READY), Shown(replace(READY, standing=ConsoleRole.OBSERVER, holder=12))
     owner.parts, observer.parts = 5, 0
     servers = [FeedServer(tmp_path, each.observed) for each in (observer, owner)]
     with serving(tmp_path, "--sim") as (_, address):
@@ -231,7 +231,7 @@ def test_of_two_consoles_on_a_machine_that_is_told_which_controls_it(tmp_path: P
 
 def test_garbage_in_a_feed_is_told_once_and_is_no_state(tmp_path: Path) -> None:
     with ExitStack() as opened:
-        listening = claimed(tmp_path, opened)
+        listening = claim_place(tmp_path, opened)
         listening.listen()
         with serving(tmp_path, "--sim") as (process, address):
             agent = Agent(address)

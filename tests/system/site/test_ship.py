@@ -23,7 +23,7 @@ from console.session.errors import SessionError
 from console.site.shop import following, shipping
 from console.site.shop.following import follow
 from console.site.shop.identity import lathe_identity
-from console.site.shop.shipping import MOST_ROWS, Sent, ship
+from console.site.shop.shipping import MOST_ROWS, SentRows, ship
 from profiles.problem import Problem
 from tests.record_clock import set_dates
 from tests.site.shop_server import OWNER, READER, SHIPPER, ShopServer, needs_postgresql
@@ -90,7 +90,7 @@ def test_three_lathes_with_the_same_runs_are_apart_and_whole_after_kills_and_a_c
     lathes = copied_lathes(recorded, tmp_path, ["lathe-1", "lathe-2", "lathe-3"])
     killed_after(lathes[0], shop, 40, 3)
 
-    def crash(sent: Sent) -> None:
+    def crash(sent: SentRows) -> None:
         if sent.transactions == 4:
             shop.crash()
 
@@ -219,7 +219,7 @@ def test_what_is_recorded_while_the_database_is_away_is_sent_when_it_is_back(
     following_it = follow(folder, shop.dsn(SHIPPER), period_s=7.0, waits=waits)
     first, lost, away, last = (next(following_it) for _ in range(4))
     following_it.close()
-    assert isinstance(first, Sent) and isinstance(last, Sent)
+    assert isinstance(first, SentRows) and isinstance(last, SentRows)
     assert isinstance(lost, Problem) and isinstance(away, Problem) and lost.code == away.code == "ship.lost"
     assert (first.rows["runs"], last.rows["runs"]) == (1, 1)
     assert waited == [7.0, 1.0, 2.0, 4.0]
@@ -329,7 +329,7 @@ def test_a_following_console_waits_for_the_owner_to_migrate(shop: ShopServer, tm
     found = follow(tmp_path, shop.dsn(OWNER), waits=lambda seconds: migrate(shop.dsn(OWNER)))
     first, second = next(found), next(found)
     assert isinstance(first, Problem) and first.code == "ship.no_schema" and first.code in following.PASSING
-    assert isinstance(second, Sent) and second.rows["runs"] == 1
+    assert isinstance(second, SentRows) and second.rows["runs"] == 1
 
 
 def test_the_list_of_the_shop_is_that_of_the_lathe(

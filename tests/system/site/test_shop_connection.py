@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from console.session.errors import SessionError
-from console.site.shop.connection import connected
+from console.site.shop.connection import connect_shop
 from console.site.shop.shipping import ship
 from tests.site.shop_server import OWNER, SHIPPER, ShopServer, as_server_account, needs_postgresql, shop_server
 from tests.system.site.lathe_records import record_runs
@@ -83,7 +83,7 @@ def test_the_password_comes_from_the_usual_places_over_a_checked_line(
     monkeypatch.setenv("PGPASSWORD", "not it")
     assert "authentication failed" in refused(lathe, dsn)[1]
     monkeypatch.setenv("PGPASSWORD", PASSWORD)
-    with connected(dsn) as link:
+    with connect_shop(dsn) as link:
         assert link.pgconn.ssl_in_use
     assert ship(lathe, dsn).rows["runs"] == 1
     monkeypatch.delenv("PGPASSWORD")

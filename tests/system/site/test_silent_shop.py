@@ -16,7 +16,7 @@ import pytest
 from console.session.errors import SessionError
 from console.site.shop import connection
 from console.site.shop.following import follow
-from console.site.shop.shipping import Sent, ship
+from console.site.shop.shipping import SentRows, ship
 from profiles.problem import Problem
 from tests.preloaded import completed
 from tests.site.shop_server import SHIPPER, ShopServer, needs_postgresql
@@ -110,7 +110,7 @@ def carried(shop: ShopServer, *, rolls_back: bool) -> Iterator[int]:
 @pytest.mark.timeout(60)
 def test_a_stopped_server_is_given_up_and_gets_everything_once_it_goes_on(shop: ShopServer, lathe: Path) -> None:
     following = follow(lathe, f"{shop.dsn(SHIPPER)} connect_timeout=2", waits=lambda seconds: None)
-    assert isinstance(next(following), Sent)
+    assert isinstance(next(following), SentRows)
     record_runs(lathe, 1)
     with stopped(shop):
         found = next(following)  # over the connection that there is
@@ -118,7 +118,7 @@ def test_a_stopped_server_is_given_up_and_gets_everything_once_it_goes_on(shop: 
         found = next(following)  # which is made anew, and not taken
         assert isinstance(found, Problem) and "timeout" in str(found.value)
         assert "timeout" in refused(lathe, f"{shop.dsn(SHIPPER)} connect_timeout=2")
-    while not isinstance(found, Sent):
+    while not isinstance(found, SentRows):
         found = next(following)
     following.close()
     assert found.rows["runs"] == 1

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rich.style import Style
 from textual.geometry import Region
 
-from console.tui.lines import plain, width_of
+from console.tui.lines import plain_text, width_of
 from console.tui.plot.big_number import big_number
 from console.tui.plot.canvas import NO_LAYER, BrailleCanvas, Dash
 from console.tui.plot.cell_view import Brush, Cells, changed_spans
@@ -111,7 +111,7 @@ DRAWN = """\
 
 
 def test_a_number_is_drawn_with_its_label_and_its_unit() -> None:
-    drawn = plain(big_number("-40.7", "speed", "mm", 60))
+    drawn = plain_text(big_number("-40.7", "speed", "mm", 60))
     assert textwrap.dedent(drawn.replace("speed", "     ")) + "\n" == DRAWN
     assert drawn.splitlines()[2].startswith("speed ")
 
@@ -119,7 +119,7 @@ def test_a_number_is_drawn_with_its_label_and_its_unit() -> None:
 def test_a_number_without_room_or_form_is_plain_text() -> None:
     for number, width in (("1234.5678", 30), ("∞", 60)):
         (row,) = big_number(number, "spindle", "rpm", width)
-        assert number in plain([row])
+        assert number in plain_text([row])
         assert width_of(row) == width
 
 

@@ -17,7 +17,7 @@ from textual.geometry import Region
 from console.tui.plot.cell_view import Cells
 from console.tui.plot.polar_view import (
     DIVISIONS,
-    Mark,
+    AngleMark,
     PolarTrace,
     PolarView,
     dial,
@@ -76,7 +76,7 @@ def test_a_round_part_is_round(columns: int, rows: int) -> None:
 
 @given(st.integers(1, 120), st.integers(1, 50))
 def test_it_fits_every_size(columns: int, rows: int) -> None:
-    cells = polar_cells([lobed(2.0)], [Mark(angle_deg=0.0, label="jaw 1")], 1.0, columns, rows)
+    cells = polar_cells([lobed(2.0)], [AngleMark(angle_deg=0.0, label="jaw 1")], 1.0, columns, rows)
     assert (cells.columns, cells.rows) == (columns, rows)
     place = dial(columns, rows)
     assert place.rim <= max(min(2 * columns, 4 * rows) / 2.0, 0.5)
@@ -141,7 +141,7 @@ def test_a_missing_stretch_stays_open() -> None:
     [(0.0, True, None), (90.0, None, True), (180.0, False, None), (270.0, None, False)],
 )
 def test_the_jaw_is_marked_at_its_angle(angle_deg: float, right: bool | None, up: bool | None) -> None:
-    rows = polar_cells([], [Mark(angle_deg=angle_deg, label="1")], 1.0, 60, 20).text_rows()
+    rows = polar_cells([], [AngleMark(angle_deg=angle_deg, label="1")], 1.0, 60, 20).text_rows()
     [(row, column)] = [(row, text.index("1")) for row, text in enumerate(rows) if "1" in text]
     half_width = dial(60, 20).rim / 2.0
     if right is None:
@@ -222,7 +222,7 @@ class Page(App[None]):
             PolarTrace(angle_deg=each.x, deviation_um=np.asarray(each.y) - 100.0, token=each.token)
             for each in series
         ]
-        self.polar.show(traces, marks=[Mark(angle_deg=0.0, label="1")])
+        self.polar.show(traces, marks=[AngleMark(angle_deg=0.0, label="1")])
 
 
 def lines(view: TraceView | PolarView) -> list[str]:

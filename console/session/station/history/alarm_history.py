@@ -43,7 +43,7 @@ class Instant:
     now_s: float
     clock: datetime
 
-    def at(self, past_s: float) -> datetime:
+    def local_time_at(self, past_s: float) -> datetime:
         """Return the local time of a machine time."""
         age_s = self.now_s - past_s
         return self.clock - timedelta(seconds=age_s) if abs(age_s) < _LONGEST_S else self.clock
@@ -80,7 +80,7 @@ class AlarmEntry:
         return AlarmState.ACKNOWLEDGED if self.alarm.acknowledged else AlarmState.NEW
 
 
-class Change(StrEnum):
+class AlarmChange(StrEnum):
     """What happened to an alarm."""
 
     RAISED = "raised"
@@ -88,7 +88,7 @@ class Change(StrEnum):
     ENDED = "ended"
 
 
-Changes = tuple[tuple[Change, AlarmEntry], ...]
+Changes = tuple[tuple[AlarmChange, AlarmEntry], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +103,7 @@ class AlarmHistory:
     group: int = 0
 
     @property
-    def listed(self) -> tuple[AlarmEntry, ...]:
+    def list_entries(self) -> tuple[AlarmEntry, ...]:
         """Those that stand, the foremost first, then those that are over, newest first."""
         front = sorted(self.standing, key=lambda e: (e.alarm.acknowledged, e.alarm.priority, e.alarm.at_s))
         return (*front, *reversed(self.past))
@@ -127,37 +127,37 @@ class AlarmHistory:
         return tuple((newest[which], times) for which, times in often.most_common(count))
 
 
-def followed(history: AlarmHistory, alarms: Alarms, now: Instant) -> tuple[AlarmHistory, Changes]:
+def follow_alarms(history: AlarmHistory, alarms: Alarms, now: Instant) -> tuple[AlarmHistory, Changes]:
     """Return the history with the alarms as they are now, and what has happened to which."""
     if alarms is history.alarms:
         return history, ()
-    known = {_which(entry.alarm): entry for entry in history.standing}
-    changes: list[tuple[Change, AlarmEntry]] = []
+    known = {_alarm_key(entry.alarm): entry for entry in history.standing}
+    changes: list[tuple[AlarmChange, AlarmEntry]] = []
     after: dict[Which, AlarmEntry] = {}
     for alarm in sorted(alarms, key=lambda each: each.at_s):
-        old = known.get(_which(alarm))
+        old = known.get(_alarm_key(alarm))
         if old is not None and old.alarm.at_s == alarm.at_s:
-            history, entry = _continued(history, known.pop(_which(alarm)), alarm, now)
+            history, entry = _continue_entry(history, known.pop(_alarm_key(alarm)), alarm, now)
         else:  # one of the same kind that left and came again in between is another one
-            history, entry = _begun(history, alarm, now)
-        after[_which(alarm)] = entry
+            history, entry = _begin_entry(history, alarm, now)
+        after[_alarm_key(alarm)] = entry
         changes += _changes(old if old is not None and old.number == entry.number else None, entry)
-    gone = [_gone(entry, now) for entry in known.values()]
+    gone = [_end_entry(entry, now) for entry in known.values()]
     for entry in gone:
-        changes += _changes(known[_which(entry.alarm)], entry)
-    standing = tuple(after[_which(alarm)] for alarm in alarms)
+        changes += _changes(known[_alarm_key(entry.alarm)], entry)
+    standing = tuple(after[_alarm_key(alarm)] for alarm in alarms)
     past = (*history.past, *gone)[-PAST_MOST:]
     return replace(history, alarms=alarms, standing=standing, past=past), tuple(changes)
 
 
-def _begun(history: AlarmHistory, alarm: Alarm, now: Instant) -> tuple[AlarmHistory, AlarmEntry]:
+def _begin_entry(history: AlarmHistory, alarm: Alarm, now: Instant) -> tuple[AlarmHistory, AlarmEntry]:
     number = history.count + 1
     history = replace(_with_raise(history, alarm, alarm.at_s, number), count=number)
     entry = AlarmEntry(
         number=number,
         group=history.group,
         alarm=alarm,
-        raised=now.at(alarm.at_s),
+        raised=now.local_time_at(alarm.at_s),
         again=now.clock if alarm.count > 1 else None,
         acknowledged=now.clock if alarm.acknowledged else None,
         ended=None if alarm.active else now.clock,
@@ -165,7 +165,7 @@ def _begun(history: AlarmHistory, alarm: Alarm, now: Instant) -> tuple[AlarmHist
     return history, entry
 
 
-def _continued(
+def _continue_entry(
     history: AlarmHistory, old: AlarmEntry, alarm: Alarm, now: Instant
 ) -> tuple[AlarmHistory, AlarmEntry]:
     entry = replace(old, alarm=alarm)
@@ -179,7 +179,7 @@ def _continued(
     return history, entry
 
 
-def _gone(entry: AlarmEntry, now: Instant) -> AlarmEntry:
+def _end_entry(entry: AlarmEntry, now: Instant) -> AlarmEntry:
     """Return an alarm that has left: it has ended and was acknowledged, whichever was the last."""
     return replace(
         entry, acknowledged=entry.acknowledged or now.clock, ended=entry.ended or now.clock, is_past=True
@@ -193,15 +193,15 @@ def _with_raise(history: AlarmHistory, alarm: Alarm, at_s: float, number: int) -
 
 
 def _changes(old: AlarmEntry | None, entry: AlarmEntry) -> Changes:
-    found: list[tuple[Change, AlarmEntry]] = []
+    found: list[tuple[AlarmChange, AlarmEntry]] = []
     if old is None or entry.alarm.count > old.alarm.count:
-        found.append((Change.RAISED, entry))
+        found.append((AlarmChange.RAISED, entry))
     if entry.ended is not None and (old is None or old.ended is None):
-        found.append((Change.ENDED, entry))
+        found.append((AlarmChange.ENDED, entry))
     if entry.acknowledged is not None and (old is None or old.acknowledged is None):
-        found.append((Change.ACKNOWLEDGED, entry))
+        found.append((AlarmChange.ACKNOWLEDGED, entry))
     return tuple(found)
 
 
-def _which(alarm: Alarm) -> Which:
+def _alarm_key(alarm: Alarm) -> Which:
     return alarm.problem.code, alarm.problem.key

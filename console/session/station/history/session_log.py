@@ -10,7 +10,7 @@ from datetime import datetime
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from console.session.station.history.alarm_history import AlarmHistory, Change, Instant, followed
+from console.session.station.history.alarm_history import AlarmChange, AlarmHistory, Instant, follow_alarms
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def with_state(
     """
     log = _with_alarms(log, state.alarms, now)
     log = _with_stop(log, state.stop, now)
-    fresh = [] if said is log.said else [_hidden(each) if typed else each for each in said]
+    fresh = [] if said is log.said else [_hide_typed_values(each) if typed else each for each in said]
     fresh += [] if state.refusals is log.refusals else state.refusals
     entries = [LogEntry(at=now.clock, kind=LogKind.MESSAGE, problem=problem) for problem in fresh]
     if not entries and said is log.said and state.refusals is log.refusals:
@@ -117,10 +117,10 @@ def with_state(
 def _with_alarms(log: SessionLog, alarms: Alarms, now: Instant) -> SessionLog:
     if alarms is log.alarms.alarms:
         return log
-    history, changes = followed(log.alarms, alarms, now)
+    history, changes = follow_alarms(log.alarms, alarms, now)
     entries = [
         LogEntry(
-            at=(entry.again or entry.raised) if change is Change.RAISED else now.clock,
+            at=(entry.again or entry.raised) if change is AlarmChange.RAISED else now.clock,
             kind=LogKind(change.value),
             problem=entry.problem,
             number=entry.number,
@@ -138,15 +138,15 @@ def _with_stop(log: SessionLog, stop: StopState | None, now: Instant) -> Session
     if stop is None:
         return log
     if before is None or before.sent_s != stop.sent_s:
-        log = log.with_entries(LogEntry(at=now.at(stop.sent_s), kind=LogKind.STOPPED, word=stop.reason))
+        log = log.with_entries(LogEntry(at=now.local_time_at(stop.sent_s), kind=LogKind.STOPPED, word=stop.reason))
         before = None
     if stop.rest_s is not None and (before is None or before.rest_s is None):
         seconds = f"{stop.rest_s - stop.sent_s:.1f}"
-        log = log.with_entries(LogEntry(at=now.at(stop.rest_s), kind=LogKind.REST, word=seconds))
+        log = log.with_entries(LogEntry(at=now.local_time_at(stop.rest_s), kind=LogKind.REST, word=seconds))
     return log
 
 
-def _hidden(problem: Problem) -> Problem:
+def _hide_typed_values(problem: Problem) -> Problem:
     if problem.code in STORED:
         return problem
     return replace(problem, value=problem.value and TYPED, limit=problem.limit and TYPED, where="")

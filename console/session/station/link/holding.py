@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from console.session.station.alarms import OUSTED, Priority, restated
+from console.session.station.alarms import OUSTED, Priority, restate_alarm
 from console.session.station.context import StationContext
-from drivers.lathe.standing import NOBODY
+from drivers.lathe.console_role import NOBODY
 from profiles.problem import Problem
 
 BESIDE = ("owner.held", "owner.beside")  # another console had control when this one was opened
@@ -30,7 +30,7 @@ class HolderWatch:
             if state.held_by is not None:
                 context.tell(held_by=None)
             if self._holder != NOBODY and not state.controls:
-                self._gone()
+                self._report_gone_console()
             self._holder = NOBODY
             return
         if state.holder != self._holder:
@@ -44,12 +44,12 @@ class HolderWatch:
             context.tell(held_by=by)
             if by is not None:  # an alarm names whoever took control as the first row does
                 taken = Problem(code=OUSTED, value=f"{state.holder} ({by.name}@{by.shown_host})")
-                context.change_alarms(lambda alarms: restated(alarms, taken))
+                context.change_alarms(lambda alarms: restate_alarm(alarms, taken))
 
-    def _gone(self) -> None:
+    def _report_gone_console(self) -> None:
         """Report that the controlling console has gone, so that its requests are void."""
         context = self._context
-        if not any(context.alarmed(code) for code in BESIDE):
+        if not any(context.has_alarm(code) for code in BESIDE):
             return
         context.change_alarms(lambda alarms: tuple(each for each in alarms if each.problem.code not in BESIDE))
         context.alarm(Problem(code="owner.free"), Priority.MEDIUM)

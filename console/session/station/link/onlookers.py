@@ -12,7 +12,7 @@ import os
 import threading
 from pathlib import Path
 
-from console.session.station.owning import lock_path, open_lock
+from console.session.station.machine_control import lock_path, open_lock
 
 PLACES = 16
 EVERY_S = 2.0
@@ -59,12 +59,12 @@ class Onlookers:
             if self._place is not None:
                 fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, self._place)
                 self._place = None
-            self.count = sum(not self._free(place) for place in range(PLACES))
+            self.count = sum(not self._is_free(place) for place in range(PLACES))
         elif self._place is None:
             self.count = 0
             self._place = next((place for place in range(PLACES) if self._takes(place)), None)
 
-    def _free(self, place: int) -> bool:
+    def _is_free(self, place: int) -> bool:
         taken = self._takes(place)
         if taken:
             assert self._descriptor is not None

@@ -10,22 +10,22 @@ from pathlib import Path
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import killed_or_refused
 from console.session.station.alarms import Priority
-from console.session.station.begins import Begins
 from console.session.station.context import StationContext, Training
-from console.session.station.reaching import Reached, commissioning, reach
+from console.session.station.machine_connection import ConnectedMachine, commissioning, reach
+from console.session.station.session_start import SessionStart
 from console.session.station.station import Station
 from drivers.clock import FreezeWatch, RealClock, TrainingClock
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.address import LinkAddress
 from drivers.link.tracing import Tracing
-from drivers.requests.side_line import Heard, SideLine
+from drivers.requests.side_line import LineTraffic, SideLine
 from profiles.files import remove_all_left
 from profiles.store import LoadedMachine
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Opened:
+class OpenMachine:
     """An opened machine: its station, its stop, and a function that closes the link and what belongs to it."""
 
     station: Station
@@ -38,9 +38,9 @@ def open_machine(
     address: LinkAddress,
     data: Path,
     tracing: Tracing,
-    begins: Begins | None = None,
+    begins: SessionStart | None = None,
     trained: TrainingClock | None = None,
-) -> Opened:
+) -> OpenMachine:
     """Connect to a machine; a simulated one is started first, and connected to like a real one.
 
     `begins` is how a simulated lathe that was placed so is taken over. With `trained` it is in the hands of an
@@ -55,9 +55,9 @@ def open_machine(
 
     def tell(snapshot: Snapshot) -> None:
         for station in seen:
-            station.seen(snapshot)
+            station.take_poll(snapshot)
 
-    heard = Heard((trained or RealClock()).now_s)
+    heard = LineTraffic((trained or RealClock()).now_s)
     reached = reach(machine, address, data, tracing, tell, heard, trained)
     reached.stop.freezes = FreezeWatch()
     context = _context(reached, machine, data, heard, begins, trained)
@@ -68,15 +68,15 @@ def open_machine(
     for problem in killed_or_refused(data, machine.machine.name, simulated=reached.simulated):
         context.alarm(problem, Priority.MEDIUM)
     seen.append(Station(context))
-    return Opened(station=seen[0], stop=reached.stop, close=reached.close)
+    return OpenMachine(station=seen[0], stop=reached.stop, close=reached.close)
 
 
 def _context(
-    reached: Reached,
+    reached: ConnectedMachine,
     machine: LoadedMachine,
     data: Path,
-    heard: Heard,
-    begins: Begins | None,
+    heard: LineTraffic,
+    begins: SessionStart | None,
     trained: TrainingClock | None,
 ) -> StationContext:
     stop = reached.stop

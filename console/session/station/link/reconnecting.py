@@ -14,15 +14,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from console.session.cut.alignment import Alignment
-from console.session.station.alarms import Priority, recovered
+from console.session.station.alarms import Priority, recover_alarms
 from console.session.station.context import StationContext
-from console.session.station.gain_trial import trial_problems, verified
+from console.session.station.gain_trial import trial_problems, verify_controller
 from console.session.station.link.lost_link import LostLink, Validity, validity_of
 from console.session.station.state import Activity
-from console.session.station.stops import Stops
+from console.session.station.stops import MachineStops
 from console.session.station.watches import watch_axes
+from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import Standing
 from drivers.link.base import GONE
 from profiles.problem import Problem, ProblemError
 
@@ -38,17 +38,17 @@ class _Watch:
     stops: int
 
 
-class Reconnecting:
+class Reconnection:
     """The way back of one station. `step` is called instead of a poll while the link is gone."""
 
-    def __init__(self, context: StationContext, stops: Stops) -> None:
+    def __init__(self, context: StationContext, stops: MachineStops) -> None:
         self._context, self._stops = context, stops
         self._before = Alignment()
         self._undelivered = 0  # stops up to the loss: they reached nobody
         self._begun = self._dropped = False
         self._watch: _Watch | None = None
 
-    def unanswered(self, problem: Problem) -> None:
+    def give_up_connection(self, problem: Problem) -> None:
         """Give up a connection on which a machine has never answered: it may be dead on this side alone."""
         context, reopening = self._context, self._context.reopening
         if reopening is not None:
@@ -56,7 +56,7 @@ class Reconnecting:
             reopening.give_up(now_s, problem)
             context.tell(lost_link=LostLink(since_s=now_s, attempts=reopening.attempts, problem=problem))
 
-    def reopened(self) -> bool:
+    def reopen_connection(self) -> bool:
         """Open that connection again; return whether a machine that has never answered may be asked."""
         context, reopening = self._context, self._context.reopening
         if reopening is None or context.state.lost_link is None:
@@ -85,7 +85,7 @@ class Reconnecting:
         if opened:
             self._return(stops)
 
-    def settled(self) -> None:
+    def note_rest(self) -> None:
         """Note the outcome of a wait for rest: on a link that is only silent, it is the way back."""
         state = self._context.state
         if self._stops.gone:
@@ -191,10 +191,10 @@ class Reconnecting:
         if (snapshot := context.state.snapshot) is not None:
             watch_axes(context, snapshot)
         context.end_record()
-        context.change_alarms(recovered)
+        context.change_alarms(recover_alarms)
         over = context.lathe.stop.reason is None
         context.tell(armed=None, stop=None if over else context.state.stop, activity=Activity.READY)
-        if context.state.standing is Standing.OUSTED:
+        if context.state.standing is ConsoleRole.OUSTED:
             self._judge()
         else:
             context.tell(lost_link=None)
@@ -205,7 +205,7 @@ class Reconnecting:
         if snapshot is None:
             return
         try:
-            settings = verified(context)
+            settings = verify_controller(context)
         except ProblemError as error:  # the next poll finds the same
             context.alarm(error.problems[0])
             return

@@ -18,7 +18,7 @@ from profiles.problem import Problem
 RETRY_S = 1.0  # time between two attempts
 
 
-class Reopening:
+class ConnectionReopener:
     """Attempts to open the connection beneath `link`; nothing is sent on it. Used from one thread.
 
     `attempts` counts them since `begin`, `problem` is why the last one failed.
