@@ -183,7 +183,7 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
                 ):
                     makers.add(f"{path.relative_to(folder).as_posix()} {node.func.id}")
     assert makers == {
-        "calibrating/panels.py CalibrateEntry",
+        "calibration/panels.py CalibrateEntry",
         "lines.py Segment",
         "plot/cell_view.py Segment",
         "lines.py to_strip",

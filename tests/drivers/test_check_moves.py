@@ -54,7 +54,7 @@ def test_a_zig_zag_turns_round_short_of_its_point(ts: int, divisor: int) -> None
     assert reached(moves[:-1]) == pytest.approx([300 - short, short, 300 - short, short, 300 - short])
     assert [move.motors[0].turns for move in moves] == [True] * 5 + [False]
     assert moves[2].motors[0].made == pytest.approx(300 - 2 * short)
-    assert moves[2].motors[0].lost_distance == pytest.approx(2 * short)
+    assert moves[2].motors[0].lost == pytest.approx(2 * short)
 
 
 @pytest.mark.parametrize(("ts", "divisor"), [(0, 8), (10, 12)])

@@ -28,10 +28,10 @@ EVERY_KEY = """
 from console.text.catalogue import LANGUAGES, load
 from console.tui.key_help import help_lines
 from console.tui.keymap import ABSENT, PageName
-from console.tui.lines import plain
+from console.tui.lines import plain_text
 for text in map(load, LANGUAGES):
     for page in (page for page in PageName if page not in ABSENT):
-        print(text(f"page.{page}"), *(plain(help_lines(text, page, number, 80)) for number in (1, 2)))
+        print(text(f"page.{page}"), *(plain_text(help_lines(text, page, number, 80)) for number in (1, 2)))
 """
 
 

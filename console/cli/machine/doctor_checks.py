@@ -15,7 +15,7 @@ from console.session.station.machine_connection import guard
 from console.text.catalogue import Catalogue
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.proofs.bench import list_missing_tests, names_of
-from drivers.commissioning.proofs.proving import TestOutcome, prove
+from drivers.commissioning.proofs.proving import CommissioningResult, prove
 from drivers.commissioning.stop_record import VALID_DAYS, StopRecord, StopsNow, record_problems, stop_key
 from drivers.commissioning.verification import Verification
 from drivers.lathe.ownership import Ownership
@@ -151,7 +151,7 @@ def _record_checks(card: ConnectedController, today: date) -> list[Check]:
     ]
 
 
-def keep_stops(card: ConnectedController, proven: TestOutcome, today: date) -> None:
+def keep_stops(card: ConnectedController, proven: CommissioningResult, today: date) -> None:
     """Store the measured stopping performance; a stop out of specification removes the record."""
     if card.simulated:
         return

@@ -301,7 +301,7 @@ CLOSED: tuple[Proof, ...] = (pvt_rounding,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TestOutcome:
+class CommissioningResult:
     """The test results, and the measured stops."""
 
     checks: tuple[Check, ...]
@@ -315,7 +315,7 @@ def prove(
     verification: Verification,
     owner: float | None = None,
     owner_seen: Callable[[float], None] = lambda _: None,
-) -> TestOutcome:
+) -> CommissioningResult:
     """Run all tests that a cut relies on; the drives are killed before and afterwards.
 
     `owner` is the number of the console that controls the machine, None for the owner at the beginning. When
@@ -335,7 +335,7 @@ def prove(
     )
     if busy or worst(verification.checks) is Severity.REFUSAL:
         first = Check(Group.PROOFS, "proofs_refused", Severity.REFUSAL)
-        return TestOutcome(checks=(first, *list_missing_tests(names)))
+        return CommissioningResult(checks=(first, *list_missing_tests(names)))
     if owner is None:
         (owner,) = client.numbers(f"P{OWNER}", again=True)
     bench = ProofRig(client=client, stop=stop, clock=clock, judged=judged, owner=owner, owner_seen=owner_seen)
@@ -356,7 +356,7 @@ def prove(
         _refuse_changed(bench)
     done = {check.code.removeprefix("proof_").removeprefix("unproven_") for check in checks}
     missing = [name for name in names if name not in done]
-    return TestOutcome(checks=(*checks, *list_missing_tests(missing)), stops=stops.entries)
+    return CommissioningResult(checks=(*checks, *list_missing_tests(missing)), stops=stops.entries)
 
 
 def _refuse_changed(bench: ProofRig) -> None:

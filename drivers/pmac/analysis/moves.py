@@ -49,7 +49,7 @@ class MotorMove:
     peaks: Peaks
 
     @property
-    def lost_distance(self) -> float:
+    def lost(self) -> float:
         """The distance by which the motion was shorter than commanded; below 0 it was longer."""
         return abs(self.commanded) - abs(self.made)
 
