@@ -76,6 +76,7 @@ def shown_on(
             await pilot.pause()
             for action in actions:
                 page.act(action)
+                await pilot.pause()
             if leave:
                 page.leave()
             for _ in range(2):
