@@ -201,12 +201,10 @@ def test_a_key_read_by_a_screen_that_could_not_draw_starts_nothing(tmp_path: Pat
         trainee = console_at(terminal)
         trainee.switches_on()
         terminal.stall()
-        ends_s = time.monotonic() + 30.0
+        ends_s = time.monotonic() + 14.0  # on a busy computer, too, the line is full by then
         while time.monotonic() < ends_s and not terminal._unread():
-            terminal.press("?")  # each draws much, until the line is full
+            terminal.press("?")  # each draws much
             time.sleep(0.1)
-            if time.monotonic() > ends_s - 22.0:
-                break
         terminal.press("f4")
         time.sleep(3.0)
         terminal.resume()
