@@ -23,14 +23,13 @@ class CuttingProcess:
 
     `lobed_force_n` is the amplitude of the radial force on a blank as lobed as the predicted error, and
     `lobed_motion_um` the tool's deflection by it at the lobe frequency. `chatter_limit_mm` is the width of cut
-    below which nothing chatters; `work_n_per_um` is the part where it is softest.
+    below which nothing chatters.
     """
 
     force: CuttingForce
     copying: ErrorCopying
     lobed_force_n: float
     lobed_motion_um: float
-    work_n_per_um: float
     chatter_limit_mm: float
 
 
@@ -45,7 +44,6 @@ def cutting_process(part: HeldPart, machine: MachineProfile, error_um_pp: float)
         copying=copying(cut_n_per_um, 1 / (tool_um_per_n + part.compliance_um_per_n)),
         lobed_force_n=lobed_n,
         lobed_motion_um=lobed_n * tool_um_per_n,
-        work_n_per_um=part.softest_n_per_um,
         chatter_limit_mm=_width_without_chatter_mm(part),
     )
 

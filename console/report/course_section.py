@@ -49,7 +49,7 @@ def write_course(run: OpenedRun, text: Catalogue) -> Markup:
     """Write the section."""
     cuts = [found for each in run.story.telemetry if (found := _in_part(each, run)) is not None]
     last = cuts[-1] if cuts else None
-    ended = ending_words(run.story.row.ended, text, Layout.REPORT, run.story.alarms)
+    ended = ending_words(run.story.row.ended, text, Layout.REPORT)
     return section(
         "course",
         text("report.course"),

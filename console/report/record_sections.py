@@ -91,7 +91,7 @@ def _lobe(job: Job, text: Catalogue) -> list[tuple[str, str]]:
 
 def write_setup(run: OpenedRun, text: Catalogue) -> Markup:
     """Write the alignment and the forces of the cut, with the time of each."""
-    setup, title = run.story.setup_as_armed, text("report.set")
+    setup, title = run.story.setup, text("report.set")
     if not setup:
         return section("set", title, paragraph(text("report.no_setup")))
     rows = fact_rows(setup_facts(run.story), text, Layout.REPORT)
@@ -126,7 +126,7 @@ def write_sent(run: OpenedRun, text: Catalogue) -> Markup:
         learned = text("report.nothing_learned")
     else:
         learned = text("report.version", version=version)
-    inverted = run.story.setup_as_armed.get("inverted")
+    inverted = run.story.setup.get("inverted")
     lines = len(story.program.splitlines())
     rows = [
         (text("fact.strategy"), text(f"strategy.{row.strategy}.named")),
@@ -134,7 +134,7 @@ def write_sent(run: OpenedRun, text: Catalogue) -> Markup:
         (text("report.compensation"), learned),
         (text("report.inverted"), _describe_inverted_response(inverted, text)),
         (text("fact.controller"), story.controller or text("report.not_recorded")),
-        (text("report.address"), _address(run.story.setup_as_armed.get("address"), text)),
+        (text("report.address"), _address(run.story.setup.get("address"), text)),
         (text("report.program"), text("report.program_size", count=lines)),
         (text("fact.program_hash"), program_sha256(story.program)),
     ]
@@ -204,15 +204,12 @@ def list_gaps(run: OpenedRun, text: Catalogue) -> Iterator[str]:  # noqa: C901 -
         yield text("report.damaged", what=" ".join((text(f"report.damaged.{word}"), number)).strip())
     if row.damaged and not story.damaged:
         yield text("report.damaged_row")
-    if story.python is None:
-        yield text("report.older_console")
-    else:
-        if row.operator is None:
-            yield text("report.no_operator")
-        if story.job_text is None and "job" not in story.damaged:
-            yield text("report.job_not_kept")
-        if story.machine_text is None and "machine" not in story.damaged:
-            yield text("report.machine_not_kept")
+    if row.operator is None:
+        yield text("report.no_operator")
+    if story.job_text is None and "job" not in story.damaged:
+        yield text("report.job_not_kept")
+    if story.machine_text is None and "machine" not in story.damaged:
+        yield text("report.machine_not_kept")
     if story.complete is False and row.ended.how is not RunOutcome.OPEN:
         yield text("report.telemetry_incomplete")
     if row.ended.how is RunOutcome.OPEN and "events" not in story.damaged:

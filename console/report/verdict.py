@@ -45,7 +45,7 @@ def judge_run(run: OpenedRun, text: Catalogue) -> ReportVerdict:
     if row.damaged or run.story.damaged or contradiction:
         return ReportVerdict(judgement=Judgement.DOUBTFUL, reasons=(text("report.why.doubtful"), *judged))
     if row.ended.how in FAILED_HOW | {RunOutcome.OPEN, RunOutcome.NOT_STARTED}:
-        ended = ending_words(row.ended, text, Layout.REPORT, run.story.alarms)
+        ended = ending_words(row.ended, text, Layout.REPORT)
         judgement = Judgement.BAD if row.ended.how in FAILED_HOW else Judgement.OPEN
         return ReportVerdict(judgement=judgement, reasons=(ended, *judged))
     if product is None:

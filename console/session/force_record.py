@@ -67,7 +67,7 @@ def force_event(found: ForceNull | None) -> dict[str, object]:
 
 
 def force_of(data: str) -> ForceNull | None:
-    """Return the check that an event has; None where it has none, or one of another version of the console."""
+    """Return the check that an event has; None where it has none, or a damaged one."""
     try:
         said = from_json(data)[FORCE]
         return _read(said) if isinstance(said, Mapping) else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from datetime import datetime
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -39,27 +38,20 @@ def order_words(name: str, text: Catalogue) -> str:
     return text("records.order", words=words) if COMMANDS.get(name, True) else words
 
 
-def problem_words(problem: Problem, text: Catalogue, alarms: Iterable[Problem] = ()) -> str:
-    """Return the sentence of a recorded problem.
-
-    An older console kept the code alone: the rest is then that of the last of the `alarms` with it, or open.
-    """
-    if not (problem.key or problem.value or problem.limit):
-        bare = replace(problem, key=OPEN, value=OPEN, limit=OPEN)
-        problem = ([bare, *(each for each in alarms if each.code == problem.code)])[-1]
+def problem_words(problem: Problem, text: Catalogue) -> str:
+    """Return the sentence of a recorded problem."""
     return printable(text.problem(problem), LONGEST)
 
 
 def alarm_words(code: str, text: Catalogue) -> str:
     """Return the case of an alarm known by its code alone, without the remedy."""
-    return problem_words(Problem(code=code), text).partition(";")[0]
+    return problem_words(Problem(code=code, key=OPEN, value=OPEN, limit=OPEN), text).partition(";")[0]
 
 
-def reason_words(ending: RunEnding, text: Catalogue, alarms: Iterable[Problem] = ()) -> str:
+def reason_words(ending: RunEnding, text: Catalogue) -> str:
     """Return why a run ended: the problems of an early end, the name of a stop, or a sentence as it is."""
     if ending.problems:
-        known = tuple(alarms)
-        return "; ".join(problem_words(each, text, known) for each in ending.problems)
+        return "; ".join(problem_words(each, text) for each in ending.problems)
     return printable(text.reason(ending.reason), LONGEST)
 
 
@@ -108,11 +100,11 @@ _ENDED = {
 }
 
 
-def ending_words(ended: RunEnding, text: Catalogue, layout: Layout, alarms: Iterable[AlarmStory] = ()) -> str:
-    """Return how a run ended: after which turn, why, and by whom; `alarms` are those of the run."""
+def ending_words(ended: RunEnding, text: Catalogue, layout: Layout) -> str:
+    """Return how a run ended: after which turn, why, and by whom."""
     how, by = text(f"{_ENDED[layout]}.{ended.how}"), ended.by
     turn = "" if ended.turn is None else f"{ended.turn:.1f}"
-    why = reason_words(ended, text, [each.problem for each in alarms]) if ended.reason else ""
+    why = reason_words(ended, text) if ended.reason else ""
     if layout is Layout.REPORT:
         facts = {"after": {"turns": turn}, "by": {"name": by}, "for": {"reason": why}}
         known = [text(f"report.ended_{key}", **each) for key, each in facts.items() if any(each.values())]

@@ -111,7 +111,7 @@ def _of_part(data: Mapping[str, Any], text: Catalogue, words: str) -> str:
 def _describe_collision(kind: str, text: Catalogue) -> str:
     try:
         return _case(text.problem(collision_problems([kind])[0]))
-    except (KeyError, ValueError, IndexError):  # of another version of the console
+    except (KeyError, ValueError, IndexError):
         return kind
 
 

@@ -18,7 +18,7 @@ loop, multiplies P by exp(-j w delay).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -187,11 +187,6 @@ class SampledLoop:
         scale = mode.fraction * self.plant.acceleration_per_v / omega**2
         above = [scale * (1.0 - fade * (math.cos(turn) + skew)), scale * fade * (fade + skew - math.cos(turn))]
         return floats(above), floats([1.0, -2.0 * fade * math.cos(turn), fade**2])
-
-    def scale_gain(self, factor: float) -> SampledLoop:
-        """Return the loop with its gain multiplied."""
-        plant = replace(self.plant, acceleration_per_v=factor * self.plant.acceleration_per_v)
-        return replace(self, plant=plant)
 
     def _z(self, frequency_hz: ArrayLike) -> tuple[Complexes, Floats]:
         hz = np.maximum(floats(frequency_hz), LOWEST_HZ)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import MISSING, asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.job import Job
-from profiles.machine import Chuck, MachineProfile, Spindle, ToolAxis
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.strict_values import read_own, rename_keys
 
@@ -30,7 +30,7 @@ LIMITS = re.compile(
 )
 """Values of a machine profile that bound or predict a cut, and shape no path."""
 
-OTHER_SETTINGS = ("learned.settings_changed", "learned.job_changed", "learned.machine_changed")
+OTHER_SETTINGS = "learned.settings_changed"
 MOST_SHOWN = 4  # changed values in a sentence
 MODEL = 0  # the version without learning: the lobe of the job through the response of the machine profile
 
@@ -65,14 +65,6 @@ def path_settings(job: Job, machine: MachineProfile) -> dict[str, str]:
 
 def _as_text(value: object) -> str:
     return f"{value:.10g}" if type(value) is float else str(value)
-
-
-_DEFAULTS = {
-    f"{section}{each.name}": _as_text(each.default)
-    for section, kind in {"": Job, "tool.": ToolAxis, "spindle.": Spindle, "chuck.": Chuck}.items()
-    for each in fields(kind)
-    if each.default is not MISSING and each.name not in NOT_SHAPING
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,13 +190,8 @@ def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem,
     """Return why a compensation is not valid for the request; job and machine have the same names."""
     holds, problems = learned.holds_for, list[Problem]()
     version = str(learned.version)
-    known = bool(holds.settings and asked.settings)
     if changed := changed_settings(holds, asked):
         problems.append(Problem(code="learned.settings_changed", key=version, value=changed))
-    for what in ("job", "machine"):
-        then, now = getattr(holds, f"{what}_sha256"), getattr(asked, f"{what}_sha256")
-        if then != now and not known:
-            problems.append(Problem(code=f"learned.{what}_changed", key=version, value=now[:6], limit=then[:6]))
     if (holds.job, holds.machine, holds.simulated) != (asked.job, asked.machine, asked.simulated):
         value, limit = _side(asked), _side(holds)
         problems.append(Problem(code="learned.elsewhere", key=version, value=value, limit=limit))
@@ -216,21 +203,14 @@ def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem,
 
 
 def changed_settings(holds: HoldsFor, asked: HoldsFor) -> str:
-    """Return which values are no longer those that a version was learned with, "" where none or not known.
+    """Return which values are no longer those that a version was learned with, "" where none.
 
     Files with the same bytes have the same values, but for what a calibration has put into them.
     """
     if (holds.job_sha256, holds.machine_sha256) == (asked.job_sha256, asked.machine_sha256):
         return ""
-    if not (holds.settings and asked.settings):
-        return ""
-    # A value that the older console did not know had its default; a tool or chuck without a name may be the same.
-    then, now = {**_DEFAULTS, **holds.settings}, {**_DEFAULTS, **asked.settings}
-    keys = [
-        each
-        for each in {**then, **now}
-        if then.get(each) not in ("", now.get(each)) and not LIMITS.fullmatch(each)
-    ]
+    then, now = holds.settings, asked.settings
+    keys = [each for each in {**then, **now} if then.get(each) != now.get(each) and not LIMITS.fullmatch(each)]
     keys.sort(
         key=lambda each: "." in each
     )  # what the controller or the job has, before what the profile says of it

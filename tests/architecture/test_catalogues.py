@@ -43,7 +43,6 @@ COMPOSED = (
         for area in ("file", "trace", "calibration", "clamping")
         for what in ("unreadable", "too_large")
     ),
-    *(f"learned.{what}_changed" for what in ("job", "machine")),
     *(f"controller.err{number:03d}" for number in range(HIGHEST_CONTROLLER_ERROR + 1)),
 )
 """Codes that no source has in one piece."""
@@ -237,7 +236,7 @@ def test_no_problem_is_shown_as_its_bare_code() -> None:
     plain = [(where, code) for where, code in given if "*" not in code]
     assert [(where, each) for each in LANGUAGES for where, code in plain if code not in told[each]] == []
     composed = {code for _, code in given if "*" in code and code != "*"}
-    assert composed == {"*.unreadable", "*.too_large", "learned.*_changed", "controller.err*"}
+    assert composed == {"*.unreadable", "*.too_large", "controller.err*"}
     assert [(code, each) for each in LANGUAGES for code in COMPOSED if code not in told[each]] == []
 
 

@@ -269,24 +269,3 @@ def test_bounds_and_predictions_that_an_upgrade_changes_end_nothing(tmp_path: Pa
 def test_what_shapes_the_path_still_ends_it(tmp_path: Path, change: dict[str, str]) -> None:
     learned(tmp_path)
     assert refused(tmp_path, upgraded(tmp_path, BOUNDS | change)) == "learned.settings_changed"
-
-
-def test_a_value_that_the_older_console_did_not_know_had_its_default(tmp_path: Path) -> None:
-    settings = dict(asked_for(JOB, THEN, "cam", simulated=True).settings)
-    del settings["tool.passive_force_fraction"]
-    settings["tool.name"] = settings["chuck.name"] = ""  # they had no names
-    learned(tmp_path, settings=settings)
-    assert chosen_now(tmp_path, upgraded(tmp_path, BOUNDS))
-    pushed = {r"^wiper_land_mm = .*$": "wiper_land_mm = 0.4\npassive_force_fraction = 0.4"}
-    assert refused(tmp_path, upgraded(tmp_path, pushed)) == "learned.settings_changed"
-
-
-def test_a_version_without_settings_has_those_of_the_texts_of_its_cuts(tmp_path: Path) -> None:
-    learned(tmp_path, settings={})
-    later = upgraded(tmp_path, BOUNDS)
-    assert refused(tmp_path, later) == "learned.machine_changed"
-    hashes = {"job_sha256": JOB.sha256, "machine_sha256": THEN.sha256}
-    texts = {"job_text_sha256": JOB.text, "machine_text_sha256": THEN.text}
-    RunRecord(tmp_path, {**RUN, **hashes, **texts}).close()
-    assert chosen_now(tmp_path, later)
-    assert refused(tmp_path, upgraded(tmp_path, {r"^I130 = .*$": "I130 = 400"})) == "learned.settings_changed"

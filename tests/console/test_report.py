@@ -21,9 +21,11 @@ from console.report.page import write_report
 from console.report.quantities import against_limit, exact
 from console.session.data.record_file import FILE_NAME
 from console.session.data.run_reader import measured_parts, story
+from console.session.data.run_rows import problem_events
 from console.session.learning.opened_run import OpenedRun, open_for_report
 from console.session.stages import Stage
 from console.text.catalogue import LANGUAGES, load
+from profiles.problem import Problem
 from profiles.trace_files.header import header_of
 from tests.console.reported_runs import (
     COMPLETE,
@@ -41,7 +43,8 @@ PASSED_3 = math.exp(-math.pi * (math.sqrt(math.log(2.0) / math.pi) * 3.0 / 50.0)
 
 PRINTABLE = "<script>alert('1')</script> ]]> &amp; \"q\""
 HOSTILE = f"{PRINTABLE} \x1b[2J\u202e"
-EARLY: tuple[str, dict[str, object]] = ("ended_early", {"turns": 7, "reasons": ["cut.ended_early", "x.y"]})
+ENDED = (Problem(code="cut.ended_early", value="7", limit="40"), Problem(code="x.y"))
+EARLY: tuple[str, dict[str, object]] = ("ended_early", {"turns": 7, **problem_events(ENDED)})
 ELEMENTS = {
     *"html head meta title style body div span small b strong main header section h1 h2 h3 p ul li".split(),
     *"table caption thead tbody tr th td figure figcaption details summary pre".split(),
@@ -199,7 +202,7 @@ def test_the_verdict_names_its_reason_and_needs_no_colour(tmp_path: Path) -> Non
         (recorded(tmp_path, wide, job=exact), "✗ FAIL", "51.8060 mm is off by 6.000 µm, outside ± 4.000 µm"),
         (recorded(tmp_path, good, job=exact), "✓ PASS", "is off by 0.000 µm, within ± 4.000 µm"),
         (recorded(tmp_path, good, end=("held", {"turn": 3.0})), "✗ FAIL", "not the planned cut; after 3.0 turns"),
-        (recorded(tmp_path, good, end=EARLY), "✗ FAIL", "at turn … of …: this part is not measured"),
+        (recorded(tmp_path, good, end=EARLY), "✗ FAIL", "at turn 7 of 40: this part is not measured"),
         (recorded(tmp_path, good, end=None), "– NOT JUDGED", "The record has no end"),
         (recorded(tmp_path, good, stage=Stage.PARTIAL), "– NOT JUDGED", "Half of the compensation"),
         (recorded(tmp_path, {}, stage=Stage.AIR), "– NOT JUDGED", "Air cut: no part was touched."),

@@ -329,15 +329,6 @@ def test_an_early_end_keeps_its_figures(tmp_path: Path, console: Console) -> Non
         assert "cut.off_path" not in told
 
 
-def test_an_early_end_of_an_older_console_has_the_figures_of_its_alarm(tmp_path: Path) -> None:
-    codes: dict[str, object] = {"reasons": ["cut.off_path"]}
-    found = recorded(tmp_path, None, tell=ended_early(codes, BRIEF))
-    assert "was briefly 12.5 um off its path" in page_words(tmp_path, found, load("en"))
-    bare = recorded(tmp_path, None, tell=ended_early(codes))
-    told = page_words(tmp_path, bare, load("en"))
-    assert "… was briefly … off its path" in told and "– was briefly" not in told
-
-
 def test_why_nothing_was_learned_keeps_its_figures(tmp_path: Path) -> None:
     event = learning_event(PartLearning(made=MADE, problems=(CHANGED,)))
     found = recorded(tmp_path, turned(), more={"learning": event})
@@ -400,15 +391,6 @@ def test_a_fact_is_one_row_wherever_it_is_shown(
         assert "fact.coolant" in words and shown in words, where
     for name in ("show", "debrief"):
         assert json.loads(console("records", name, run, *data, "--json").out)["setup"] == setup
-
-
-def test_the_set_up_of_an_older_console_is_known_everywhere(tmp_path: Path, console: Console) -> None:
-    """It kept the forces with the event that armed the run, which only the report read."""
-    found = recorded(tmp_path, turned(), setup=None)
-    shown = console("records", "show", found.row.run_id, "--data", str(tmp_path)).out
-    assert "1314 N" in shown
-    assert "1314.0 N" in page_words(tmp_path, found, load("en"))
-    assert "1314.0 N" in report_words(tmp_path, found, load("en"))
 
 
 def test_a_damaged_date_of_an_event_is_a_dash(tmp_path: Path) -> None:

@@ -254,17 +254,6 @@ def test_saved_tables_outlive_the_process(machine: MachineProfile, tmp_path: Pat
     assert kept == {str(motor): table_lines(table) for motor, table in first.card.tables.tables.items()}
 
 
-def test_a_file_of_a_card_without_tables_is_read(machine: MachineProfile, tmp_path: Path) -> None:
-    path = tmp_path / "saved.json"
-    wire(machine, saved=path).tell("I116=77", "SAVE")
-    kept = json.loads(path.read_text(encoding="ascii"))
-    del kept["tables"]
-    path.write_text(json.dumps(kept), encoding="ascii")
-    again = wire(machine, saved=path)
-    assert again.ask("I116") == ["77"]
-    assert again.card.tables.motors == frozenset()
-
-
 @pytest.mark.parametrize("lines", [[], ["#1DEFINE COMP 2,#1,#1,100", "1"], ["#99DEFINE COMP 1,#1,#1,100", "1"]])
 def test_a_file_of_lines_of_no_table_is_refused(machine: MachineProfile, tmp_path: Path, lines: list[str]) -> None:
     path = tmp_path / "saved.json"

@@ -256,8 +256,8 @@ def test_a_version_comes_back_from_its_file_and_holds_for_its_job_alone() -> Non
     ).next
     table = json.loads(json.dumps(as_table(made)))
     assert from_table(table) == made
-    changed = replace(HOLDS, job_sha256="c" * 64, strategy="pvt")
-    assert [p.code for p in differences(made, changed)] == ["learned.job_changed", "learned.strategy"]
+    changed = replace(HOLDS, job_sha256="c" * 64, strategy="pvt", settings={"overhang_mm": "40"})
+    assert [p.code for p in differences(made, changed)] == ["learned.settings_changed", "learned.strategy"]
     assert differences(made, HOLDS) == ()
 
 

@@ -280,7 +280,6 @@ async def test_what_was_accepted_is_used_after_a_restart_and_after_another_job(
 @pytest.mark.parametrize(
     ("settings", "spoil", "code", "told"),
     [
-        ({}, False, "learned.job_changed", "revision eeeeee"),
         ({"I130": "999"}, False, "learned.settings_changed", "(I130 999 → 528)"),
         ({}, True, "learned.file", "not a learned compensation"),
     ],

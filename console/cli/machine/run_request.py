@@ -170,7 +170,7 @@ def _find_unused_version(
         return ()
     strategy = newest.holds_for.strategy
     if found := differences(newest, replace(asked, strategy=strategy)):
-        return tuple(each for each in found if each.code in OTHER_SETTINGS)
+        return tuple(each for each in found if each.code == OTHER_SETTINGS)
     return (Problem(code="learned.not_used", key=str(newest.version), value=strategy),)
 
 

@@ -15,7 +15,6 @@ from console.cli.parser import Parser
 from console.rings import is_installed
 from console.text.catalogue import Catalogue
 
-Act = Callable[[Namespace, Catalogue], None]
 ACTIONS = ("list", "show", "debrief", "export")
 SHOWN, MOST_SHOWN = 20, 100_000
 SHOP = "console.site.cli.shop_records"

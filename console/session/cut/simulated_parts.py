@@ -15,7 +15,6 @@ from drivers.simulator.plant.which_lathe import LATHE, WHICH, WhichLathe
 
 TIMEOUT_S = 1.0
 
-_HAS_SETUP = "SELECT 1 FROM pragma_table_info('runs') WHERE name = 'setup'"
 _NEXT = """
 SELECT max(json_extract(setup, '$.lathe.part') + json_extract(setup, '$.lathe.parts')) FROM runs
 WHERE simulated = 1 AND machine = ? AND coalesce(?, job) = job
@@ -56,9 +55,7 @@ def next_part(data: Path, job: str | None, machine: str, lathe: WhichLathe) -> i
     Raises SessionError: `record.unreadable`; as `rows`.
     """
     try:
-        if not rows(data, _HAS_SETUP, (), TIMEOUT_S):
-            return 1
-        ((following,),) = rows(data, _NEXT, (machine, job, lathe.plant, lathe.seed), TIMEOUT_S)
+        found = rows(data, _NEXT, (machine, job, lathe.plant, lathe.seed), TIMEOUT_S)
     except sqlite3.Error as error:
         raise record_error("record.unreadable", data / FILE_NAME, error) from error
-    return int(following or 1)
+    return int(found[0][0] or 1) if found else 1

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
 from console.session.data.kept_files import ahead_problems, file_error, folder_name, keep, read_kept_values
-from console.session.data.record_file import FILE_NAME, rows
 from console.session.errors import SessionError, refuse
 from profiles.compensations.learned_compensation import (
     HoldsFor,
@@ -17,19 +15,12 @@ from profiles.compensations.learned_compensation import (
     from_table,
     path_settings,
 )
-from profiles.files import parse_toml, printable
-from profiles.job import job_from_table
-from profiles.machine import machine_from_table
-from profiles.problem import Problem, ProblemError, ProfileError
+from profiles.files import printable
+from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine
 
 FOLDER = "learned"
 NONE, NEWEST = "none", "newest"
-LOCK_TIMEOUT_S = 1.0
-
-_TEXTS = """SELECT job.content, machine.content FROM runs JOIN texts AS job ON job.sha256 = job_text_sha256
-JOIN texts AS machine ON machine.sha256 = machine_text_sha256
-WHERE job_sha256 = ? AND machine_sha256 = ? LIMIT 1"""
 
 
 def asked_for(
@@ -64,7 +55,7 @@ def versions(data: Path, asked: HoldsFor) -> tuple[LearnedCompensation, ...]:
         return ()
     except OSError as error:
         raise file_error("file.unreadable", folder, error) from error
-    return tuple(_with_settings(data, _load(file)) for file in files)
+    return tuple(_load(file) for file in files)
 
 
 def elsewhere_problems(data: Path, asked: HoldsFor) -> tuple[Problem, ...]:
@@ -116,20 +107,6 @@ def lathe_problems(learned: LearnedCompensation | None, asked: HoldsFor) -> tupl
     if learned is None or learned.is_model or learned.holds_for.lathe or not asked.lathe:
         return ()
     return (Problem(code="learned.lathe_unknown", key=str(learned.version), value=asked.lathe),)
-
-
-def _with_settings(data: Path, learned: LearnedCompensation) -> LearnedCompensation:
-    """Return a version of an older console with the settings that the texts of its cuts have, if they are kept."""
-    holds = learned.holds_for
-    if holds.settings:
-        return learned
-    try:
-        found = rows(data, _TEXTS, (holds.job_sha256, holds.machine_sha256), LOCK_TIMEOUT_S)
-        job, machine = (parse_toml(text.encode(), FILE_NAME) for text in found[0])
-        settings = path_settings(job_from_table(job), machine_from_table(machine))
-    except (sqlite3.Error, ProblemError, IndexError):  # then it holds for files with the same bytes
-        return learned
-    return replace(learned, holds_for=replace(holds, settings=settings))
 
 
 def _load(file: Path) -> LearnedCompensation:

@@ -33,15 +33,16 @@ LOCK_TIMEOUT_S = 1.0
 AIR, FULL = "air", "full"  # of `Stage`, which takes the planner of cuts with it
 MOST_NAMED = 3  # simulated lathes in a message
 
-_QUERY = """
-SELECT events.kind, events.data, events.at_utc, {which} FROM events JOIN runs USING (run_id)
+_WHICH = f"json_extract(runs.setup, '$.{LATHE}.{WHICH}')"
+_QUERY = f"""
+SELECT events.kind, events.data, events.at_utc, {_WHICH} FROM events JOIN runs USING (run_id)
 WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha256 = ? AND runs.machine_sha256 = ?
 ORDER BY events.rowid DESC
 """
 """By row, the order in which they were added: a clock may have been set back meanwhile."""
 
-_NEWEST = """
-SELECT events.kind, events.data, events.at_utc, {which}, events.run_id, EXISTS (
+_NEWEST = f"""
+SELECT events.kind, events.data, events.at_utc, {_WHICH}, events.run_id, EXISTS (
     SELECT 1 FROM events AS later JOIN runs AS other ON other.run_id = later.run_id
     WHERE later.kind = 'started' AND later.rowid > events.rowid
     AND other.machine = runs.machine AND other.simulated = runs.simulated
@@ -51,8 +52,6 @@ WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha25
 ORDER BY events.rowid DESC LIMIT 20
 """
 
-_HAS_SETUP = "SELECT 1 FROM pragma_table_info('runs') WHERE name = 'setup'"  # not in records of the first schemas
-_WHICH = f"json_extract(runs.setup, '$.{LATHE}.{WHICH}')"
 
 Cut = tuple[str, str, str]
 """Kind, data and date of a cut, as in the run record."""
@@ -245,8 +244,6 @@ def _rows(folder: Path, query: str, asked: HoldsFor) -> list[Any]:
     from console.session.data.record_file import FILE_NAME, record_error, rows
 
     try:
-        which = _WHICH if rows(folder, _HAS_SETUP, (), LOCK_TIMEOUT_S) else "NULL"
-        query = query.format(which=which)
         return rows(folder, query, (int(asked.simulated), asked.job_sha256, asked.machine_sha256), LOCK_TIMEOUT_S)
     except sqlite3.Error as error:
         raise record_error("record.unreadable", folder / FILE_NAME, error) from error
@@ -268,7 +265,7 @@ def _event_parts(kind: str, data: str) -> list[MadeWith | None]:
             fingerprint=text(event.get(FINGERPRINT, "")),
         )
     except (ValueError, TypeError, KeyError):
-        # Written by another version of the console, which did not record how a cut on the screen was made.
+        # Damaged: a cut all the same, so the newest part is not taken for an older one.
         return [None] if kind == "cut" else []
     return [] if stage == AIR or "passes" in event else [made]
 

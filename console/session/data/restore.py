@@ -214,7 +214,7 @@ def _naming_damage(code: str, archive: Path) -> Iterator[None]:
 def restore(archive: Path, data: Path) -> tuple[Manifest, tuple[Problem, ...]]:
     """Restore a backup into the data folder, which must be missing or empty; return what it held, without clones.
 
-    Clones of git, which older consoles packed, are left out (`restore.left_out`): git runs what is in them.
+    Clones of git in an archive are left out (`restore.left_out`): git runs what is in them.
 
     Raises:
         SessionError: as `check_archive`; `restore.not_empty`, `restore.no_space`, `restore.not_writable`. Nothing

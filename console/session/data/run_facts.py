@@ -52,7 +52,7 @@ class RunFact:
 
 def setup_facts(story: RunStory) -> tuple[RunFact, ...]:
     """Return how the part was clamped and aligned."""
-    setup = story.setup_as_armed
+    setup = story.setup
     return tuple(
         RunFact(key=key, kind=kind, value=_value(setup.get(name), kind), at=_text(setup.get(at)) or "")
         for key, kind, name, at in SETUP

@@ -48,7 +48,7 @@ class RunEnding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRow:
-    """One run. What an older console did not record is None.
+    """One run. What was not recorded is None.
 
     `started` is UTC, `compensation` the learned version or "none", `inverted` the name of the identified response
     that a cut with nothing learned has inverted, None for the model's. `ront_um` is RONt of the product (not of a
@@ -265,10 +265,9 @@ def problem_events(problems: Iterable[Problem]) -> dict[str, object]:
 
 
 def recorded_problems(event: Mapping[str, Any]) -> tuple[Problem, ...]:
-    """Return the problems of an event; those of an older console have nothing but their codes."""
-    told = event.get(PROBLEMS, event.get(REASONS))
-    listed = told if isinstance(told, list) else []
-    return tuple(problem_of(each if isinstance(each, dict) else {"code": each}) for each in listed)
+    """Return the problems of an event."""
+    told = event.get(PROBLEMS)
+    return tuple(problem_of(each) for each in (told if isinstance(told, list) else ()) if isinstance(each, dict))
 
 
 def problem_of(facts: Mapping[str, Any]) -> Problem:

@@ -48,7 +48,7 @@ Kept = TypeVar("Kept")
 class RunEvent:
     """An event of a run; `number` is its place in the file, `at` is UTC, `at_s` machine time since its start.
 
-    Where no machine time is recorded (by an older console, or after the end of the run) dates tell `at_s`.
+    Where no machine time is recorded (after the end of the run) dates tell `at_s`.
     """
 
     number: int
@@ -103,7 +103,7 @@ class RecordedTelemetry:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunStory:
-    """Everything that is recorded of one run; what an older console did not record is None or empty.
+    """Everything that is recorded of one run; what was not recorded is None or empty.
 
     `job_text` and `machine_text` are TOML. `setup` has the forces and the alignment of the cut. `complete` is
     whether all telemetry of the cuts was kept; None where there was none to keep. `damaged` names what cannot be
@@ -135,12 +135,6 @@ class RunStory:
         """Parse the job as it was cut; None where its text was not kept. ProfileError: it cannot be read."""
         kept = self.job_text
         return None if kept is None else job_from_table(parse_toml(kept.encode("utf-8", "replace"), ""))
-
-    @property
-    def setup_as_armed(self) -> Mapping[str, Any]:
-        """Forces and alignment of the cut; of a run of an older console from the event that armed it."""
-        armed = (event.data for event in self.events if event.kind == "armed")
-        return self.setup or next(armed, {})
 
     @property
     def cut_verdict(self) -> Mapping[str, Any]:

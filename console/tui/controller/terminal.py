@@ -14,7 +14,6 @@ from drivers.requests.side_controller import SideController
 from drivers.requests.side_line import FAILED, LISTING_S, RECEIVED, REST_TIMEOUT_S, SENT, STOP, TrafficLine
 from profiles.problem import Problem
 
-FAR = 1_000_000
 ACK, BELL = "\x06", "\x07"
 _TIME = 9  # columns
 _TOKENS = {SENT: Token.STRONG, RECEIVED: Token.TEXT, STOP: Token.WARNING, FAILED: Token.WARNING}

@@ -24,7 +24,6 @@ from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.problem import Problem
 
 STEPS = {"records.up": -1, "records.down": 1}
-JUMPS = ("records.page_up", "records.page_down", "records.first", "records.last")
 BEHIND = {"records.program": RecordsView.PROGRAM, "records.cut": RecordsView.CUT}
 FILTERS = ("records.search", "records.failed", "records.job", "records.machines")
 

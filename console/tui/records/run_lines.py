@@ -56,7 +56,7 @@ def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     """Return whether the part is good, and how the cut ended."""
     part, row = run.story.product, run.story.row
     lines = _verdict(part, text, width) if part is not None else [line(dim(text("records.not_measured")))]
-    ended = ending_words(row.ended, text, Layout.PAGE, run.story.alarms)
+    ended = ending_words(row.ended, text, Layout.PAGE)
     lines += wrap_line(ended, width, Token.TEXT if row.ended.how is RunOutcome.DONE else Token.WARNING)
     if judged := verdict_words(run.story.cut_verdict, text):
         lines += wrap_line(f"{text('run.cut_verdict')}: {judged}", width, Token.TEXT)

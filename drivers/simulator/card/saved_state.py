@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -48,10 +48,9 @@ class SavedState:
     programs: Texts
     plcs: Texts
     password: str
-    # Missing in files of earlier versions.
-    tables: Texts = field(default_factory=dict)
-    conversion: Mapping[str, int] = field(default_factory=dict)
-    kinematics: Mapping[str, Texts] = field(default_factory=dict)
+    tables: Texts
+    conversion: Mapping[str, int]
+    kinematics: Mapping[str, Texts]
 
 
 class Memories(Protocol):
@@ -96,10 +95,9 @@ class Flash:
             return
         content, where = read_regular_file(self._path, cap_bytes=CAP_BYTES), printable(str(self._path))
         try:
-            table = from_json(content)
-            if isinstance(table, dict):
-                table.setdefault("schema", SCHEMA)  # the first files had none
-            state = read_own(SavedState, table, schema=SCHEMA, code=UNREADABLE, where=where, judge=_judge)
+            state = read_own(
+                SavedState, from_json(content), schema=SCHEMA, code=UNREADABLE, where=where, judge=_judge
+            )
             if state.family != controller.dialect.name:
                 raise ValueError(f"saved by a controller of the family {state.family}")
             _put_back(state, controller)

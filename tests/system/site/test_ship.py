@@ -305,12 +305,12 @@ def test_a_lathe_can_add_rows_and_nothing_else(shop: ShopServer, tmp_path: Path)
 
 def test_a_database_without_the_schema_or_of_another_console_is_refused(shop: ShopServer, tmp_path: Path) -> None:
     record_runs(tmp_path, 1)
-    shop.sql("DELETE FROM shop.migrations WHERE number = 2")
+    shop.sql("UPDATE shop.migrations SET number = 0")
     for change, code in (
         (None, "ship.older_schema"),
         ("INSERT INTO shop.migrations VALUES (99, '0099_later.sql', '')", "ship.newer_schema"),
         ("DELETE FROM shop.migrations WHERE number = 99", "ship.older_schema"),
-        ("UPDATE shop.migrations SET sha256 = 'changed'", "ship.changed_schema"),
+        ("UPDATE shop.migrations SET number = 1, sha256 = 'changed'", "ship.changed_schema"),
         ("DROP SCHEMA shop CASCADE", "ship.no_schema"),
     ):
         if change is not None:
