@@ -120,14 +120,22 @@ def fault(field: Field, value: object) -> str:
         case FieldType.TEXT:
             return _fault_of_text(field, value)
         case FieldType.TEXTS:
-            texts = value if isinstance(value, list | tuple) else [""]
-            if not all(_is_text(each, field.longest) and not is_blank(each) for each in texts):
-                return "value.not_text"
-            return "value.not_choice" if field.choices and not set(texts) <= set(field.choices) else ""
+            return _fault_of_texts(field, value)
         case FieldType.CHOICE:
             return "" if isinstance(value, str) and value in field.choices else "value.not_choice"
         case FieldType.WHOLE if isinstance(value, bool) or not isinstance(value, int):
             return "value.not_whole"
+    return _fault_of_number(field, value)
+
+
+def _fault_of_texts(field: Field, value: object) -> str:
+    texts = value if isinstance(value, list | tuple) else [""]
+    if not all(_is_text(each, field.longest) and not is_blank(each) for each in texts):
+        return "value.not_text"
+    return "value.not_choice" if field.choices and not set(texts) <= set(field.choices) else ""
+
+
+def _fault_of_number(field: Field, value: object) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return "value.not_number"
     if isinstance(value, float) and not math.isfinite(value):

@@ -12,7 +12,7 @@ import math
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import cycle, islice
+from itertools import chain, cycle, islice
 
 from drivers.commissioning.checked_configuration import stated_settings_of
 from drivers.commissioning.configuration import passing_settings
@@ -76,7 +76,7 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram, *, tables_on: bo
     dialect, program, tool = loaded.dialect, loaded.program, machine.tool.motor
     motors = (tool, machine.spindle.motor, machine.carriage.motor)
     stated = stated_settings_of(machine, dialect)
-    every = {index for whole in of_motors(dialect, motors).settings for index in whole}
+    every = set(chain.from_iterable(of_motors(dialect, motors).settings))
     known = {index for index in every if name_setting(index, dialect).name.key != OTHER}
     lines = [motor - 1 for motor in motors if motor <= len(dialect.conversion_table.channels)]
     conversion, words = dialect.conversion_table.first_setting, tuple[str, ...]()
@@ -88,10 +88,7 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram, *, tables_on: bo
     others = {
         dialect.motor_index(motor, 0) for motor in dialect.numbers(SettingScope.MOTOR) if motor not in motors
     }
-    shaping = {dialect.motor_index(tool, number) for number in SHAPING}
-    shaping |= {SERVO_PERIOD, *(dialect.system_index(1, number) for number in TIME_BASE)}
-    if conversion is not None:
-        shaping.add(conversion + tool - 1)
+    shaping = _find_shaping_settings(dialect, tool)
     registers = {motor: _registers(dialect, program, motor, tables_on=tables_on) for motor in motors}
     axes = [f"#{each.motor}->" for each in read_definitions(machine.controller.axis_definitions)]
     constants = [int(each.name[1:]) for each in loaded.constants if each.kept]
@@ -110,6 +107,14 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram, *, tables_on: bo
         ),
         own=assigned_numbers(program),
     )
+
+
+def _find_shaping_settings(dialect: Dialect, tool: int) -> set[int]:
+    """Return the settings that shape the path of the tool's motor."""
+    shaping = {dialect.motor_index(tool, number) for number in SHAPING}
+    shaping |= {SERVO_PERIOD, *(dialect.system_index(1, number) for number in TIME_BASE)}
+    conversion = dialect.conversion_table.first_setting
+    return shaping if conversion is None else {*shaping, conversion + tool - 1}
 
 
 def _registers(dialect: Dialect, program: ProgramText, motor: int, *, tables_on: bool) -> list[str]:

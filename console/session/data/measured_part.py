@@ -121,10 +121,7 @@ def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[
         SessionError: `learned.other_version`, they contradict each other, or no such part was cut;
             `learned.cut_unknown`, no source states it.
     """
-    stated = {key: trace[key] for key in _ALL_KEYS if key in trace}
-    for key in _ALL_KEYS:
-        if key in said and stated.setdefault(key, said[key]) != said[key]:
-            raise _other_version_error(key, said[key], stated[key])
+    stated = _join_stated(said, trace)
     known = [each for each in made if each is not None]
     fitting = [each for each in known if stated.items() <= asdict(each).items()]
     missing = [key for key in KEYS if key not in stated]
@@ -136,6 +133,14 @@ def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[
     if (made and made[0] is None and "compensation" in missing) or not fitting:
         raise SessionError(Problem(code="learned.cut_unknown", key=", ".join(f"--{key}" for key in missing)))
     return fitting[0]
+
+
+def _join_stated(said: Mapping[str, str], trace: Mapping[str, str]) -> dict[str, str]:
+    stated = {key: trace[key] for key in _ALL_KEYS if key in trace}
+    for key in _ALL_KEYS:
+        if key in said and stated.setdefault(key, said[key]) != said[key]:
+            raise _other_version_error(key, said[key], stated[key])
+    return stated
 
 
 def _other_version_error(key: str, value: str, limit: str) -> SessionError:

@@ -20,18 +20,20 @@ def _of_dots(bits: int) -> str:
     """Return the sign that is most like a cell of dots: where its dots are, and how they run."""
     rows = [bool(bits & (left | right)) for left, right in _DOTS]
     left, right = (sum(bool(bits & row[side]) for row in _DOTS) for side in (0, 1))
-    tops = [next((n for n, row in enumerate(_DOTS) if bits & row[side]), 9) for side in (0, 1)]
     if left + right >= 6:
         return "#"
     if sum(rows) >= 3:
-        if not (left and right):
-            return "|"
-        return "|" if abs(tops[0] - tops[1]) <= 1 else "/" if tops[1] < tops[0] else "\\"
+        return _of_upright_dots(bits) if left and right else "|"
     if rows[0] or (rows[1] and not rows[2] and not rows[3]):
         return "'" if left + right == 1 or sum(rows) > 1 else '"'
     if left and right:
         return "-" if rows[1] or (rows[2] and not rows[3]) else "_"
     return "."
+
+
+def _of_upright_dots(bits: int) -> str:
+    left, right = (next((n for n, row in enumerate(_DOTS) if bits & row[side]), 9) for side in (0, 1))
+    return "|" if abs(left - right) <= 1 else "/" if right < left else "\\"
 
 
 TABLE = {

@@ -112,16 +112,21 @@ def _loop(program: syntax.Program, head: syntax.While, first: int, last: int, ot
     if any(isinstance(statement, syntax.Gosub | syntax.CallProgram) for statement in body):
         body += [statement for line in (*program[last + 1 :], *others) for statement in line]
     names, computed = _names(head.condition)
-    assigned = [statement.target for statement in body if isinstance(statement, syntax.Assign)]
-    fixed = {_name(target) for target in assigned}
-    anywhere = {target.kind for target in assigned if _name(target) is None}
-    if any(isinstance(statement, syntax.Read) for statement in body):
-        anywhere.add(VariableKind.Q)
+    fixed, anywhere = _find_assigned(body)
     free = tuple(name for name in names if name not in fixed and name[0] not in anywhere)
     commands = any(isinstance(statement, syntax.Message) and statement.word == "CMD" for statement in body)
     leaves = any(_leaves(statement, inside) for line in inside for statement in line)
     endless = len(free) == len(names) and not (computed or commands or leaves)
     return Loop(first=first, last=last, condition=head.condition, names=names, free=free, endless=endless)
+
+
+def _find_assigned(body: list[syntax.Statement]) -> tuple[set[Name | None], set[VariableKind]]:
+    """Return the variables that statements assign, and the kinds of which they assign any."""
+    targets = [statement.target for statement in body if isinstance(statement, syntax.Assign)]
+    anywhere = {target.kind for target in targets if _name(target) is None}
+    if any(isinstance(statement, syntax.Read) for statement in body):
+        anywhere.add(VariableKind.Q)
+    return {_name(target) for target in targets}, anywhere
 
 
 def _leaves(statement: syntax.Statement, inside: syntax.Program) -> bool:
