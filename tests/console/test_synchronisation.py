@@ -51,7 +51,7 @@ from tests.console.commands import Console, JobFile
 from tests.console.floor import experiment_1, known, set_up_once
 from tests.drivers.cut_floor import with_inverter
 from tests.system.lathe_sites import compact
-from tests.tui.machine_states import ON, look_at
+from tests.tui.stage import ON, look_at
 
 QUEUED, WAITING, IN_SYNC, LOST = Synchronisation
 FOLLOWING = [strategy for strategy in Strategy if strategy is not Strategy.NONE]
