@@ -405,3 +405,31 @@ def _command_line(pid: int) -> str:
     with contextlib.suppress(OSError):
         return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
     return ""
+
+
+FLAGS = re.compile(rb"\x1b\[([<>=?])(\d*)(?:;(\d+))?u")
+UNFINISHED = re.compile(rb"\x1b(?:\[[<>=?]?[\d;]*)?\Z")
+
+
+class KittyTerminal(Terminal):
+    """`flags`: the stack, the lowest being those of the shell that the program was started from."""
+
+    flags: tuple[int, ...] = (0,)
+    _rest = b""
+
+    def _answer(self, data: bytes) -> bytes:
+        data = self._rest + data
+        tail = UNFINISHED.search(data)
+        self._rest = b"" if tail is None else tail[0]
+        answers = b""
+        for kind, number, _ in FLAGS.findall(data[: len(data) - len(self._rest)]):
+            match kind.decode():
+                case "?":
+                    answers += b"\x1b[?%du" % self.flags[-1]
+                case ">":
+                    self.flags = (*self.flags, int(number or 0))
+                case "<":
+                    self.flags = self.flags[: -int(number or 1)] or (0,)
+                case _:
+                    self.flags = (*self.flags[:-1], int(number or 0))
+        return answers

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -46,7 +47,11 @@ from tests.console.floor import experiment_1, set_up_once
 MACHINE, COMPACT = load_machine("lee-2001-lathe").machine, compact_machine().machine
 JOB = load_job("lee-2001-experiment-1").job
 SHORT = replace(JOB, cut_length_mm=1.0)
-PLAN = plan_cut(JOB, MACHINE, Strategy.NONE)
+
+
+@cache
+def reference_plan() -> CutPlan:
+    return plan_cut(JOB, MACHINE, Strategy.NONE)
 
 
 def unheard(step: PartStep, detail: str) -> None:
@@ -87,16 +92,16 @@ def test_a_stop_after_the_reference_part_begins_no_second_one(monkeypatch: Monke
 
 def test_the_retract_has_the_time_that_the_program_gives_it() -> None:
     """160 turns at 1000 rpm are 9.6 s; then 0.32 s of retract, within a segment of 8 ms; in all, the program."""
-    left_s = {each.phase: each.left_s for each in planned_phases(PLAN, MACHINE)}
+    left_s = {each.phase: each.left_s for each in planned_phases(reference_plan(), MACHINE)}
     assert left_s[CutPhase.CUT] == pytest.approx(9.6)
     assert left_s[CutPhase.RETRACT] == pytest.approx(0.32, abs=0.0085)
-    assert sum(left_s.values()) == pytest.approx(PLAN.duration_s)
+    assert sum(left_s.values()) == pytest.approx(reference_plan().duration_s)
 
 
 @pytest.mark.parametrize("pace", [1.0, 0.5])
 def test_what_is_left_of_the_retract_falls_and_its_delay_comes_off_the_next_phase(pace: float) -> None:
-    clock = CutPhaseClock(PLAN, MACHINE)
-    planned_s = {each.phase: each.left_s / pace for each in planned_phases(PLAN, MACHINE)}
+    clock = CutPhaseClock(reference_plan(), MACHINE)
+    planned_s = {each.phase: each.left_s / pace for each in planned_phases(reference_plan(), MACHINE)}
 
     def left(at_s: float) -> list[tuple[CutPhase, float]]:
         snapshot: Any = SimpleNamespace(at_s=at_s)

@@ -14,8 +14,7 @@ from tests.console.reported_runs import lobed, recorded
 from tests.fuzz.all_targets import TARGETS
 from tests.fuzz.mutating import mutate
 from tests.fuzz.target import Target, pure
-from tests.soak.script import Event, as_text, drawn, from_text, shrunk
-from tests.soak.shift import BrokenError, Count, Shift
+from tests.soak.shift import BrokenError, Count, Event, Shift, as_text, drawn, from_text, shrunk
 
 
 @pytest.mark.first(6)

@@ -36,7 +36,7 @@ from tests.console.commands import Console, answers
 from tests.console.consoles import MACHINE as MACHINE_NAME
 from tests.console.consoles import station_of
 from tests.console.floor import known, open_floor
-from tests.drivers.identification_bench import Stand, stand
+from tests.drivers.commissioned import Stand, stand
 from tests.drivers.test_identification_refused import disturb
 from tests.signed_profile import signed_copy
 

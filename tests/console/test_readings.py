@@ -48,7 +48,7 @@ from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
 from tests.console.floor import Floor, experiment_1, known, open_floor
-from tests.tui.machine_states import ON, look_at
+from tests.tui.stage import ON, look_at
 
 JOB = load_job("lee-2001-experiment-1").job
 FLANK_DEG = 8.0

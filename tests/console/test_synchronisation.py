@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from itertools import groupby
 from pathlib import Path
 from types import SimpleNamespace
@@ -30,7 +31,7 @@ from console.session.station.progress import (
     before_part,
     in_part,
 )
-from drivers.cutting.planning import Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.lathe.heartbeat import Heartbeat, cut_condition
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisState, Snapshot, driven_axes
@@ -50,7 +51,7 @@ from tests.console.commands import Console, JobFile
 from tests.console.floor import experiment_1, known, set_up_once
 from tests.drivers.cut_floor import with_inverter
 from tests.system.lathe_sites import compact
-from tests.tui.machine_states import ON, look_at
+from tests.tui.stage import ON, look_at
 
 QUEUED, WAITING, IN_SYNC, LOST = Synchronisation
 FOLLOWING = [strategy for strategy in Strategy if strategy is not Strategy.NONE]
@@ -150,8 +151,12 @@ def test_an_undisturbed_cut_is_queued_then_in_sync_or_lost_and_done(
 
 
 JOB, MACHINE = load_job("lee-2001-experiment-1").job, compact("pmac")
-PLAN = plan_cut(JOB, MACHINE, Strategy.PVT)
 POLL_S, TURN_S, OFF_UM, LAG_UM = 0.023, 0.06, 0.4, 3.0
+
+
+@cache
+def plan() -> CutPlan:
+    return plan_cut(JOB, MACHINE, Strategy.PVT)
 
 
 def cut(*, last_um: float = 0.0, first_um: float = 0.0, leaves_at: int = 0) -> tuple[CutFigures, int]:
@@ -160,20 +165,20 @@ def cut(*, last_um: float = 0.0, first_um: float = 0.0, leaves_at: int = 0) -> t
     From poll `leaves_at` on the program ends early: the tool retracts over the part. Returns the figures, and how
     many polls are of the part, but for its last turn.
     """
-    setup, per_um, polls = PLAN.setup, 1.0 / MACHINE.tool.count_um, Telemetry(PLAN, MACHINE, JOB)
-    end = PLAN.carriage_start + setup.carriage_counts
+    setup, per_um, polls = plan().setup, 1.0 / MACHINE.tool.count_um, Telemetry(plan(), MACHINE, JOB)
+    end = plan().carriage_start + setup.carriage_counts
     first, last = end - JOB.cut_length_mm * MACHINE.carriage.counts_per_mm, end - setup.carriage_per_turn
     counted = 0
     for number in range(int(setup.turns * TURN_S / POLL_S)):
         at_s = number * POLL_S
         turn = at_s / TURN_S
-        carriage = PLAN.carriage_start + turn * setup.carriage_per_turn
+        carriage = plan().carriage_start + turn * setup.carriage_per_turn
         counted += first <= carriage <= last
         off_um = OFF_UM + (last_um if carriage > last else 0.0) + (first_um if carriage < first else 0.0)
         if leaves_at and number >= leaves_at:
             off_um = -5.0 * (number - leaves_at + 1)
         past_mm = (carriage - setup.carriage_middle) / MACHINE.carriage.counts_per_mm
-        tool = setup.surface + per_um * float(PLAN.target.at_um(360.0 * turn, past_mm) + off_um)
+        tool = setup.surface + per_um * float(plan().target.at_um(360.0 * turn, past_mm) + off_um)
         places = ((tool, LAG_UM * per_um), (turn * setup.counts_per_turn, 0.0), (carriage, 0.0))
         axes = [AxisState(position=float(at), following_error=lag, flags=frozenset()) for at, lag in places]
         snapshot = Snapshot(
@@ -224,10 +229,10 @@ def test_the_half_stage_alone_tells_what_it_leaves(stage: Stage, left_um_pp: tup
 def test_a_lost_cut_may_have_gone_on_unseen_for_a_turn_and_as_long_as_the_controller_takes_to_end_it() -> None:
     """6.3 s at 1000 rpm are 105 turns."""
     lathe: Any = SimpleNamespace(ends_within_s=6.3, machine=MACHINE)
-    before = known(_find_earlier_cut(lathe, PLAN, touched_mm=2.5))
+    before = known(_find_earlier_cut(lathe, plan(), touched_mm=2.5))
     assert before.to_mm == 2.5
     assert before.unseen_mm == pytest.approx(106.0 * JOB.feed_mm_per_rev)
-    assert _find_earlier_cut(lathe, PLAN, touched_mm=0.0) is None
+    assert _find_earlier_cut(lathe, plan(), touched_mm=0.0) is None
 
 
 HOMED = frozenset({"home_complete"})

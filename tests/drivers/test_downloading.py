@@ -28,7 +28,6 @@ from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.drivers.commissioned import Commissioned, commissioned
 from tests.drivers.families import of_family
-from tests.drivers.ideal_card import CYCLE_MS, IdealCard
 from tests.drivers.made_programs import (
     KINEMATIC,
     MOTION,
@@ -40,7 +39,7 @@ from tests.drivers.made_programs import (
     REFUSED_ON_LINE,
     REFUSED_PLCS,
 )
-from tests.drivers.wire_card import Wire, wire
+from tests.drivers.wire_card import CYCLE_MS, IdealCard, Wire, wire
 
 ENDING = "OPEN PROG 2 CLEAR\nCLOSE"
 """A text needs a motion program to be one."""

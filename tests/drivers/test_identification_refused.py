@@ -20,10 +20,9 @@ from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError, ProfileError
 from profiles.store import load_machine
-from tests.drivers.commissioned import commissioned
+from tests.drivers.commissioned import Stand, commissioned, ready, stand
 from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine
-from tests.drivers.identification_bench import Stand, ready, stand
 
 MOVES = re.compile(r"#\d+(J|HM|O|K|\$)|R\b|\bA\b|\bS\b|OPEN|DEFINE|GATHER|I51=1")
 

@@ -31,9 +31,9 @@ from profiles.axis.servo_gains import gains_from_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import load_machine
+from tests.drivers.commissioned import Stand, ready
 from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine
-from tests.drivers.identification_bench import Stand, ready
 
 TABLE_5_HZ = (10.0, 30.0, 50.0, 70.0)
 SAMPLED = {10.0: (1.0215, -0.168), 30.0: (0.9811, -0.556), 50.0: (0.8850, -0.903), 70.0: (0.7777, -1.207)}

@@ -23,7 +23,7 @@ from drivers.pmac.language.lexer import Scanner
 from drivers.simulator.card.jog_motion import TriggerStage
 from profiles.problem import ProfileError
 from tests.drivers.conftest import Bench, Recorder
-from tests.drivers.ideal_card import BLOCK, CYCLE_MS, IdealCard, refused
+from tests.drivers.wire_card import BLOCK, CYCLE_MS, IdealCard, refused
 
 
 @pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)

@@ -9,7 +9,7 @@ import pytest
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import PMAC, TURBO, Dialect, FamilySetting
 from drivers.simulator.card.coordinate import CoordinateSystem
-from tests.drivers.ideal_card import BLOCK, CYCLE_MS, IdealCard, refused, said
+from tests.drivers.wire_card import BLOCK, CYCLE_MS, IdealCard, refused, said
 
 JOG = 50.0
 """Counts/ms."""

@@ -42,12 +42,11 @@ from profiles.machine import MachineProfile
 from profiles.problem import ProblemError, ProfileError
 from profiles.store import load_machine
 from profiles.strict_values import rename_keys
-from tests.drivers.commissioned import Commissioned, commissioned
+from tests.drivers.commissioned import Commissioned, Stand, commissioned, ready
 from tests.drivers.conftest import JobMaker
 from tests.drivers.cut_floor import with_inverter
 from tests.drivers.families import ON_ONE, of_family
 from tests.drivers.families import machine as machine
-from tests.drivers.identification_bench import Stand, ready
 from tests.drivers.test_limits_of_a_cut import commanded, polled
 
 

@@ -13,7 +13,7 @@ from drivers.pmac.plcs.plc import DefaultAddress
 from drivers.pmac.trajectory.pieces import Piece, position_at
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.player import Player
-from tests.drivers.ideal_card import BLOCK, CYCLE_MS, IdealCard, moving_time_ms, refused, rests, stops
+from tests.drivers.wire_card import BLOCK, CYCLE_MS, IdealCard, moving_time_ms, refused, rests, stops
 
 
 @pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)

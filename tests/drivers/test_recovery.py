@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import t as student
 
 from drivers.errors import DriverError, LinkError
 from drivers.lathe.guards import ProgramGuard
@@ -367,6 +366,8 @@ def test_one_axis_that_moves_is_enough() -> None:
     late_s=st.lists(st.floats(0.0, 0.1), min_size=12, max_size=12),
 )
 def test_the_bound_is_that_of_linear_regression(positions: list[int], late_s: list[float]) -> None:
+    from scipy.stats import t as student
+
     times_s = [POLL_S * number + late for number, late in zip(range(len(positions)), late_s, strict=False)]
     (slope, _), covariance = np.polyfit(times_s, positions, 1, cov=True)
     expected = abs(slope) + student.ppf(0.975, len(positions) - 2) * np.sqrt(max(covariance[0, 0], 0.0))
@@ -374,6 +375,8 @@ def test_the_bound_is_that_of_linear_regression(positions: list[int], late_s: li
 
 
 def test_the_bound_is_that_of_regression_with_the_quantiles_of_student() -> None:
+    from scipy.stats import t as student
+
     assert STUDENT_T == pytest.approx(student.ppf(0.975, np.arange(2, 11)), abs=5e-4)
 
 

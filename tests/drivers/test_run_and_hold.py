@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.simulator.card.coordinate import CoordinateSystem
-from tests.drivers.ideal_card import CYCLE_MS, IdealCard, moving_time_ms, refused, rests, said
+from tests.drivers.wire_card import CYCLE_MS, IdealCard, moving_time_ms, refused, rests, said
 
 THREE = ("INC", "TA20 TS0 TM100", "X1000", "P1=P1+1", "X1000", "P1=P1+1", "X1000", "P1=P1+1")
 

@@ -29,9 +29,9 @@ from drivers.pmac.programs.setup import is_signed, sign_program
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
+from tests.drivers.commissioned import Stand, ready
 from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine
-from tests.drivers.identification_bench import Stand, ready
 from tests.drivers.test_identification_refused import PVT
 
 TIMEOUT_S = 20.0

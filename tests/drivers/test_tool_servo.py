@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import signal
 
 from drivers.identification.tool_gains import in_writing_order
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
@@ -211,6 +210,8 @@ def test_number_11_a_hundred_counts_of_error_are_36_6_bits() -> None:
 @pytest.mark.parametrize("hz", [50.0, 250.0, 420.0])
 def test_a_flexible_axis_responds_as_another_program_says(hz: float, fraction: float) -> None:
     """Rigid axis and mode of 300 Hz with 2 % of damping, sampled by scipy; the loop from textbook parts."""
+    from scipy import signal
+
     omega, period_s = 2.0 * math.pi * 300.0, CYCLE_S
     z = cmath.exp(2j * math.pi * hz * period_s)
     plant = 0.0 + 0.0j
@@ -241,6 +242,8 @@ def with_notch(machine: MachineProfile, values: dict[str, float]) -> MachineProf
 
 
 def test_the_filter_is_the_difference_equation_of_the_manual() -> None:
+    from scipy import signal
+
     filtering = notch_of(gains(**NOTCH))
     assert filtering is not None
     puts = np.random.default_rng(1).normal(size=200)

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from profiles.axis.identification import FrequencyResponse, fit_sine, frequency_response, reference_swing
 from profiles.axis.response import (
@@ -104,6 +103,8 @@ def test_the_confidence_holds_the_truth_as_often_as_it_says() -> None:
 )
 def test_the_confidence_holds_where_neighbours_err_alike(memory: float, periods: int, draws: int) -> None:
     """AR(1) noise of 5 um; taken for white it would hold the gain in half of the draws."""
+    from scipy.signal import lfilter
+
     random, time = np.random.default_rng(3), times(50.0, periods)
     noise = random.normal(0.0, 5.0 * math.sqrt(1.0 - memory**2), (draws, time.size + 500))
     noise = lfilter([1.0], [1.0, -memory], noise, axis=1)[:, 500:]

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from profiles.findings import Severity
 from profiles.fingerprint.lobe_filter import (
@@ -252,6 +251,8 @@ def test_without_a_fingerprint_the_height_is_learned_as_the_scatter_allows_and_t
 
 def test_the_state_is_the_most_likely_one() -> None:
     """A general minimiser of the same probabilities, written down here, finds the same state."""
+    from scipy.optimize import minimize
+
     phase, felt, part = 0.7, cmath.rect(33.0, 0.78), cmath.rect(29.5, 0.85)
     first = known(phase).update_by_fingerprint(MeasuredCoefficient(value=felt, sd_um=0.4))
     both = first.update_by_part(MeasuredCoefficient(value=part, sd_um=0.15))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 import pytest
 
@@ -29,6 +29,9 @@ from profiles.axis.stiffness import lobe_stiffness, tripping_friction_n
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
 from tests.profiles.test_margins import opened_by_control
+
+if TYPE_CHECKING:
+    import control
 
 MACHINE = load_machine("lee-2001-lathe").machine
 LOOP, NOMINAL = loop_of(MACHINE), profile_plant(MACHINE)
@@ -187,6 +190,8 @@ NOTCHED = replace(LOOP, gains=replace(LOOP.gains.scale_gains(1.0 / NOTCH.at_rest
 
 def notch_by_control(loop: SampledLoop) -> control.TransferFunction:
     """L from the published parts, each as a transfer function of python-control."""
+    import control
+
     z = control.tf([1.0, 0.0], [1.0], loop.period_s)
     plant = control.sample_system(
         control.tf([loop.plant.acceleration_per_v], [1.0, loop.plant.damping_per_s, 0.0]), loop.period_s, "zoh"
@@ -204,6 +209,8 @@ def notch_by_control(loop: SampledLoop) -> control.TransferFunction:
 
 
 def stable_by_control(loop: SampledLoop) -> bool:
+    import control
+
     poles = control.poles(control.feedback(notch_by_control(loop), 1.0))
     # What cancels lies at the poles of the sampled parts, inside: none of it can be outside.
     return bool((np.abs(poles) < 1.0 + 1e-7).all())
@@ -229,6 +236,8 @@ def tuned(found: GainProposal) -> SampledLoop:
 
 
 def test_the_opened_loop_with_a_filter_is_that_of_python_control() -> None:
+    import control
+
     hz = np.array([5.0, 50.0, 120.0, 290.0, 310.0, 700.0])
     loop = replace(NOTCHED, plant=replace(NOMINAL, modes=(BENDS,)))
     wanted = notch_by_control(loop)(np.exp(2j * np.pi * hz * loop.period_s))

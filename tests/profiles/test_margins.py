@@ -6,8 +6,8 @@ import cmath
 import math
 from dataclasses import replace
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 import pytest
 from hypothesis import given
@@ -23,6 +23,9 @@ from profiles.axis.stiffness import compliance_um_per_n, lobe_stiffness
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from profiles.store import load_machine
+
+if TYPE_CHECKING:
+    import control
 
 MACHINE = load_machine("lee-2001-lathe").machine
 

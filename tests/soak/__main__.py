@@ -20,8 +20,7 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from tests.soak.script import as_text, from_text, shrunk
-from tests.soak.shift import Count, Done, broken_by, lone_shift
+from tests.soak.shift import Count, Done, as_text, broken_by, from_text, lone_shift, shrunk
 
 FOUND = Path(__file__).parent / "found"
 SHORT_HOURS, SHORT_SEEDS, SHORT_S = 0.1, 8, 20.0

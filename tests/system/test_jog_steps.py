@@ -24,11 +24,10 @@ from drivers.link.opening import TcpLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from profiles.store import load_machine
-from tests.kitty_terminal import KittyTerminal
 from tests.signed_profile import signed
 from tests.system.conftest import ANYWHERE, Serve
 from tests.system.lathe_sites import compact_text
-from tests.terminal import Terminal
+from tests.terminal import KittyTerminal, Terminal
 from tests.trainee import FIRST_JOB, Trainee, console, console_at
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(120)]

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.kitty_terminal import KittyTerminal
-from tests.terminal import Terminal
+from tests.terminal import KittyTerminal, Terminal
 from tests.trainee import Trainee, console
 
 pytestmark = [pytest.mark.system]

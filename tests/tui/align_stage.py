@@ -14,9 +14,8 @@ from console.session.station.state import Activity, StationState
 from console.tui.pages.align import AlignPage
 from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.plant.workshop_view import WorkshopView
-from tests.tui.machine_states import CLAMPED, ON, REST, aligned, look_at
 from tests.tui.page_stage import shown_on
-from tests.tui.stage import FixedControl, experiment, ui_for
+from tests.tui.stage import CLAMPED, ON, REST, FixedControl, aligned, experiment, look_at, ui_for
 
 OFF = REST | {"open_loop"}
 

@@ -23,9 +23,19 @@ from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.snapshot import Snapshot
 from profiles.machine import SAFETY_DEVICES
 from tests.remembered import once
-from tests.tui.machine_states import ON, REST, aligned, look_at
 from tests.tui.page_stage import shown_on
-from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, experiment, grid, ui_for
+from tests.tui.stage import (
+    FRAME_ROWS,
+    ON,
+    REST,
+    FixedControl,
+    PageStage,
+    aligned,
+    experiment,
+    grid,
+    look_at,
+    ui_for,
+)
 
 OFF = REST | {"open_loop", "home_complete"}
 VALID = aligned(76.0)

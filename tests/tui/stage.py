@@ -9,6 +9,7 @@ from pathlib import Path
 
 from textual.app import App, ComposeResult
 
+from console.session.cut.alignment import Alignment, JawAngle, TouchOff, clamping_of
 from console.session.dated_input import ROW, InputAge
 from console.session.station.commands import Command, Jog, NoteJog
 from console.session.station.state import StationState
@@ -19,6 +20,7 @@ from console.tui.page import Page
 from console.tui.theme import COLOUR, DARK_THEME
 from console.tui.ui_context import UiContext, View
 from drivers.clock import boot_s
+from drivers.lathe.snapshot import AxisState, Snapshot
 from drivers.requests.side_line import SideLine
 from profiles.store import LoadedMachine, load_job, load_machine
 
@@ -120,3 +122,42 @@ def grid(app: App[None]) -> str:
     """The characters on the terminal, row by row, without trailing blanks."""
     strips: Iterable[object] = app.screen._compositor.render_strips()
     return "\n".join("".join(s.text for s in strip).rstrip() for strip in strips)  # type: ignore[attr-defined]
+
+
+REST = frozenset({"desired_velocity_zero", "in_position"})
+ON = REST | {"amplifier_enabled", "home_complete"}
+
+CLAMPED = clamping_of(load_job("lee-2001-experiment-1").job, at="08:40")
+JAW = JawAngle(angle_deg=12.6, jaws=3, at="08:45")
+
+
+def aligned(zero_radius_mm: float) -> Alignment:
+    """Everything is done; the tip was found at this radius at position zero."""
+    touched = TouchOff(zero_radius_mm=zero_radius_mm, diameter_mm=52.0, at="08:46")
+    return Alignment(settings=(), drives_on=True, homed=True, clamping=CLAMPED, jaw=JAW, touch_off=touched)
+
+
+def look_at(
+    flags: frozenset[str],
+    *,
+    tool: float,
+    spindle: float,
+    carriage: float,
+    tool_error: float = 0.0,
+    at_s: float = 100.0,
+    running: bool = False,
+) -> Snapshot:
+    """One look; positions in counts."""
+
+    def axis(position: float, error: float = 0.0) -> AxisState:
+        return AxisState(position=position, following_error=error, flags=flags)
+
+    return Snapshot(
+        asked_s=at_s,
+        at_s=at_s,
+        tool=axis(tool, tool_error),
+        spindle=axis(spindle),
+        carriage=axis(carriage),
+        program_running=running,
+        runtime_error=False,
+    )

@@ -42,9 +42,8 @@ from tests.tui.align_stage import (
     state,
     words_of,
 )
-from tests.tui.machine_states import CLAMPED, JAW, ON
 from tests.tui.page_stage import Shown, shown_in_turn
-from tests.tui.stage import FixedControl, PageStage, experiment, grid, ui_for
+from tests.tui.stage import CLAMPED, JAW, ON, FixedControl, PageStage, experiment, grid, ui_for
 
 STOPPED = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.5)
 

@@ -25,10 +25,20 @@ from profiles.lobe.lobe_origin import without_lobe
 from profiles.store import load_machine
 from tests.tui import align_stage
 from tests.tui.align_stage import IN_PART, NEAR, NO_JAW, OFF, OTHER, VALID, look, shown, state, words_of
-from tests.tui.machine_states import CLAMPED, ON
 from tests.tui.page_stage import run_apart, shown_in_turn, too_wide
 from tests.tui.scenes import console_at
-from tests.tui.stage import LANGUAGES, MACHINE, SIZES, FixedControl, PageStage, experiment, grid, ui_for
+from tests.tui.stage import (
+    CLAMPED,
+    LANGUAGES,
+    MACHINE,
+    ON,
+    SIZES,
+    FixedControl,
+    PageStage,
+    experiment,
+    grid,
+    ui_for,
+)
 
 STOPPING = StopState(reason="space", killed=False, sent_s=99.9)
 

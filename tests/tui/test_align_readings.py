@@ -27,9 +27,8 @@ from console.tui.pages.align import AlignPage
 from console.units import Units
 from drivers.simulator.plant.workshop_view import WorkshopView
 from tests.tui.align_stage import NO_JAW, OFF, VALID, look, shown, state, words_of
-from tests.tui.machine_states import JAW
 from tests.tui.page_stage import PageScene, on_page, run_apart
-from tests.tui.stage import LANGUAGES, experiment
+from tests.tui.stage import JAW, LANGUAGES, experiment
 
 SIX = (352.0, 8.0, 352.1, 8.1, 351.9, 7.9)
 TOUCHING = state(replace(NO_JAW, jaw=JAW), snapshot=look(carriage_mm=172.0))

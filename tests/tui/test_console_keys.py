@@ -24,11 +24,10 @@ from console.tui.keymap import ACTIONS, DIGITS, PageName
 from drivers.cutting.bounds import Bounds, CutAdjustment
 from drivers.lathe.console_role import ConsoleRole
 from tests.tui import align_stage, run_stage
-from tests.tui.machine_states import CLAMPED, ON
 from tests.tui.page_stage import run_apart
 from tests.tui.scenes import Pressed, console_at, fill, rows_of
 from tests.tui.scenes import pressed as pressed_at
-from tests.tui.stage import FixedControl, experiment
+from tests.tui.stage import CLAMPED, ON, FixedControl, experiment
 
 HOMING = align_stage.state(Alignment(settings=(), clamping=CLAMPED, drives_on=True))
 LEFT = run_stage.state(snapshot=run_stage.look(tool=run_stage.SURFACE_COUNTS), cut=run_stage.cut())

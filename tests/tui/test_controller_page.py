@@ -30,7 +30,6 @@ from drivers.requests.side_line import RequestConditions
 from profiles.problem import ProfileError
 from tests.drivers.families import of_family
 from tests.tui import align_stage, records_stage
-from tests.tui.machine_states import CLAMPED
 from tests.tui.page_stage import run_apart
 from tests.tui.scenes import (
     Scene,
@@ -44,7 +43,7 @@ from tests.tui.scenes import (
     signed,
 )
 from tests.tui.side_stage import DirectSide
-from tests.tui.stage import LANGUAGES, FixedControl, lathe
+from tests.tui.stage import CLAMPED, LANGUAGES, FixedControl, lathe
 from tests.tui.test_replay_pages import MOVING
 
 FAMILIES = pytest.mark.parametrize("family", ["pmac", "turbo"])

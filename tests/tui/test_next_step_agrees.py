@@ -53,10 +53,9 @@ from profiles.forecast import LEAST_FORECAST_UM
 from profiles.problem import Problem
 from tests.console.floor import open_floor
 from tests.tui import align_stage, run_stage
-from tests.tui.machine_states import look_at
 from tests.tui.page_stage import READY, PageScene, Shown, on_page, shown_on
 from tests.tui.scenes import fixed_world, previewed, signed, taught_part
-from tests.tui.stage import EXPERIMENT, FRAME_ROWS, LANGUAGES, experiment
+from tests.tui.stage import EXPERIMENT, FRAME_ROWS, LANGUAGES, experiment, look_at
 
 EN = load("en")
 PART = taught_part()

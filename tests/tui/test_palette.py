@@ -30,9 +30,8 @@ from console.tui.pace import KeyPace
 from console.tui.pages import run as run_page
 from drivers.lathe.console_role import ConsoleRole
 from tests.tui import align_stage, run_stage
-from tests.tui.machine_states import CLAMPED, ON, REST
 from tests.tui.scenes import Scene, console_on, rows_of, scene_of, settle
-from tests.tui.stage import LANGUAGES, FixedControl, answered_age, experiment
+from tests.tui.stage import CLAMPED, LANGUAGES, ON, REST, FixedControl, answered_age, experiment
 
 STOP = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.4)
 CLAMP = Alignment(settings=())

@@ -33,7 +33,6 @@ from profiles.store import load_machine
 from tests.console.flight.bench import BEGAN_S, FlightBench
 from tests.golden_text import compare, writing
 from tests.tui import align_stage, run_stage
-from tests.tui.machine_states import ON
 from tests.tui.run_stage import MADE
 from tests.tui.scenes import (
     ALIGNED,
@@ -50,7 +49,7 @@ from tests.tui.scenes import (
     settle,
     signed,
 )
-from tests.tui.stage import LANGUAGES, MACHINE
+from tests.tui.stage import LANGUAGES, MACHINE, ON
 
 SIZE = (80, 24)
 LIVE = [page for page in PAGES if page not in (PageName.PREVIEW, PageName.ALARMS, PageName.LOG)]

@@ -24,7 +24,6 @@ from drivers.cutting.bounds import CutChange, Trim
 from drivers.cutting.planning import Strategy
 from profiles.problem import Problem
 from profiles.store import load_job, save_job
-from tests.tui.machine_states import ON
 from tests.tui.page_stage import shown_in_turn, too_wide
 from tests.tui.run_stage import (
     FIGURES,
@@ -40,7 +39,7 @@ from tests.tui.run_stage import (
     state,
     stopped,
 )
-from tests.tui.stage import LANGUAGES, SIZES, experiment, lathe
+from tests.tui.stage import LANGUAGES, ON, SIZES, experiment, lathe
 
 
 @pytest.mark.first(2)

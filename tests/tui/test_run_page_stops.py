@@ -34,7 +34,6 @@ from drivers.cutting.feed_hold import HoldReport, HoldState
 from drivers.cutting.program_reports import ProgramPlace
 from drivers.lathe.snapshot import AxisName
 from profiles.problem import Problem
-from tests.tui.machine_states import ON, REST
 from tests.tui.page_stage import shown_in_turn
 from tests.tui.run_stage import (
     CUT_IN_PART,
@@ -50,7 +49,7 @@ from tests.tui.run_stage import (
     state,
     stopped,
 )
-from tests.tui.stage import LANGUAGES, SIZES, FixedControl, experiment, ui_for
+from tests.tui.stage import LANGUAGES, ON, REST, SIZES, FixedControl, experiment, ui_for
 
 FRESH = state(Alignment(), snapshot=look(REST | {"open_loop"}, tool=0.0, carriage=0.0))
 """The controller was switched on a moment ago: nothing is homed, clamped or energised."""

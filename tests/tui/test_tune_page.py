@@ -21,9 +21,8 @@ from drivers.identification.tool_gains import ToolLoop
 from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.snapshot import AxisState, Snapshot
 from tests.tui import align_stage, run_stage, tune_stage
-from tests.tui.machine_states import ON, REST, aligned
 from tests.tui.page_stage import PageScene, on_page
-from tests.tui.stage import LANGUAGES, lathe
+from tests.tui.stage import LANGUAGES, ON, REST, aligned, lathe
 
 AT_REST = Snapshot(
     asked_s=100.0,

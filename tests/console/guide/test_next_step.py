@@ -37,9 +37,8 @@ from profiles.store import load_job, load_machine
 from tests.console.floor import Floor, known, open_floor
 from tests.system.lathe_sites import compact_text
 from tests.tui import align_stage, run_stage, scenes
-from tests.tui.machine_states import REST
 from tests.tui.run_stage import VALID, look
-from tests.tui.stage import experiment, lathe
+from tests.tui.stage import REST, experiment, lathe
 from tests.tui.test_learning_keys import WRONG
 
 OFF_UNHOMED = REST | {"open_loop"}

@@ -19,8 +19,7 @@ from drivers.pmac.language.text import format_line
 from drivers.pmac.requests import BlendBreak, EndOfProgram, Request
 from drivers.pmac.settings import settings_with
 from drivers.pmac.variables import VariableStore
-from tests.drivers.language.runs import Bench
-from tests.drivers.language.trees import lines
+from tests.drivers.language.trees import Bench, lines
 
 LOOKS = 30
 

@@ -18,7 +18,7 @@ from drivers.pmac.requests import (
     LinearRequest,
     RapidRequest,
 )
-from tests.drivers.language.runs import Bench, requests_of, targets
+from tests.drivers.language.trees import Bench, requests_of, targets
 
 
 def refusal(text: str) -> PmacError:

@@ -23,7 +23,7 @@ from drivers.pmac.requests import (
     Request,
     SplineRequest,
 )
-from tests.drivers.language.runs import Bench, targets
+from tests.drivers.language.trees import Bench, targets
 
 Kind = TypeVar("Kind")
 
@@ -277,7 +277,7 @@ def test_nobody_has_to_listen() -> None:
     from drivers.pmac.execution.move_times import Modes
     from drivers.pmac.execution.run import ProgramRun
     from drivers.pmac.requests import EndOfProgram
-    from tests.drivers.language.runs import code_of
+    from tests.drivers.language.trees import code_of
 
     text = 'CMD"A"\nSEND"x"\nDISPLAY"y"\nENABLE PLC 1'
     assert ProgramRun(code_of(text), Bench().store, Modes(), {}).advance() == EndOfProgram()

@@ -35,9 +35,8 @@ from tests.console.flight.bench import FlightBench
 from tests.console.floor import Floor, open_floor
 from tests.school.test_debrief import JOB, Pupil
 from tests.tui import run_stage
-from tests.tui.machine_states import ON
 from tests.tui.scenes import ALIGNED
-from tests.tui.stage import experiment, lathe
+from tests.tui.stage import ON, experiment, lathe
 
 TRIP = Problem(code="machine.fault", key="program", value="spindle: fatal_following_error")
 OWN: Job = replace(experiment().job, name="flange-52", cut_length_mm=12.0)
