@@ -159,7 +159,9 @@ class Chuck:
     divided by before the centrifugal loss is taken from it.
 
     Data for predictions, None if unknown: the length of the jaws along the axis; the stiffness of one jaw at 1000
-    N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the total force per N m at
+    N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the fraction of their
+    force with which they hold as straight jaws, the rest being even along them, and the length behind their faces
+    over which they do not touch; the total force per N m at
     the wrench, the force at no torque (None beside the first is 0), and its scatter between clampings; the lowest
     mode of parts in it. `name` is the name of the chuck at the lathe.
 
@@ -176,6 +178,8 @@ class Chuck:
     jaw_stiffness_n_per_um: float | None = None
     jaw_contact_exponent: float | None = None
     jaw_friction: float | None = None
+    jaw_straight_fraction: float | None = None
+    jaw_bell_mouth_mm: float | None = None
     force_per_torque_n_per_n_m: float | None = None
     force_offset_n: float | None = None
     force_sd_percent: float | None = None
@@ -321,6 +325,13 @@ def _crossings(sections: Mapping[str, Mapping[str, Any]], where: str) -> list[Pr
     chuck, slope = sections.get("chuck", {}), "force_per_torque_n_per_n_m"
     if chuck.get("force_offset_n") is not None and chuck.get(slope) is None:
         problems.append(Problem(code="key.missing", where=where, key=f"chuck.{slope}", limit="force_offset_n"))
+    length_mm, open_mm = chuck.get("jaw_length_mm"), chuck.get("jaw_bell_mouth_mm")
+    if open_mm and length_mm is None:
+        problems.append(
+            Problem(code="key.missing", where=where, key="chuck.jaw_length_mm", limit="jaw_bell_mouth_mm")
+        )
+    elif open_mm and open_mm >= length_mm:
+        problems.append(impossible("chuck.jaw_bell_mouth_mm", f"{open_mm:g} mm", f"< {length_mm:g} mm", where))
     for name in ("tool", "carriage"):
         low, high = (sections.get(name, {}).get(f"travel_{end}_mm") for end in ("min", "max"))
         if low is not None and high is not None and low >= high:

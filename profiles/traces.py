@@ -81,7 +81,7 @@ def parse_trace(content: bytes, *, where: str = "") -> Trace:
         if reader.spoilt or len(reader.problems) >= PROBLEM_CAP:
             break
     reader.finish()
-    return _from_table(reader)
+    return trace_of_table(reader)
 
 
 def write_trace(path: Path, trace: Trace, *, overwrite: bool = False, private: bool = False) -> None:
@@ -112,7 +112,8 @@ def trace_content(trace: Trace, where: str = "") -> bytes:
     return ("\n".join(lines) + "\n").encode("utf-8", errors="replace")
 
 
-def _from_table(reader: TraceTableReader) -> Trace:
+def trace_of_table(reader: TraceTableReader) -> Trace:
+    """Return the trace of a table that was read to its end."""
     assert reader.columns is not None
     first, second, meta = np.array(reader.first), np.array(reader.second), dict(reader.meta)
     centre_mm = None

@@ -19,14 +19,7 @@ from profiles.chucking.diagnosis import Mechanism
 from profiles.chucking.grip import centrifugal_loss_n
 from profiles.chucking.holding import REFERENCE_FORCE_N, Holding, holding_of
 from profiles.chucking.ring import is_thin
-from profiles.chucking.tube import (
-    Tube,
-    axial_fraction,
-    half_lobe_compliance,
-    half_lobe_deg,
-    spring_back_um,
-    wall_compliance_um_per_n,
-)
+from profiles.chucking.tube import Tube, half_lobe_deg, spring_back_um, wall_compliance_um_per_n
 from profiles.cutting import CuttingForce, cutting_force
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -58,6 +51,8 @@ class HeldPart:
             outside_mm=self.job.diameter_mm,
             wall_mm=self.job.wall_thickness_mm,
             grip_mm=self.holding.jaw_length_mm,
+            straight_fraction=self.holding.straight_fraction,
+            bell_mouth_mm=self.holding.bell_mouth_mm,
             overhang_mm=self.job.overhang_mm,
             material=self.material,
         )
@@ -91,25 +86,41 @@ class HeldPart:
         if not self.thin:
             return {Mechanism.CONTACT: _subtract_mean(self._bar_um(angle_deg, z_mm)[0])}
         tube, jaws = self.tube, self.job.jaws
-        sprung = spring_back_um(tube, jaws, self.per_jaw_n, angle_from_jaw_deg=angle_deg, z_mm=z_mm)
-        wall = self.force.passive_n * wall_compliance_um_per_n(tube.bending_ring(jaws), jaws, angle_deg)
-        along = axial_fraction(tube, jaws, z_mm)
-        return {Mechanism.SPRING_BACK: sprung, Mechanism.WALL: _subtract_mean(np.outer(along, wall))}
+        sprung = self._sprung_um(angle_deg, z_mm)
+        wall = self.force.passive_n * wall_compliance_um_per_n(tube, jaws, angle_deg, z_mm)
+        return {Mechanism.SPRING_BACK: sprung, Mechanism.WALL: _subtract_mean(wall)}
+
+    def _sprung_um(self, angle_deg: Floats, z_mm: Floats) -> Floats:
+        """Return the spring-back from what was pressed in when the tool was there; behind the cut, at its end.
+
+        The wall becomes thinner from the free end on. That is taken at the two ends of the cut and in its middle.
+        """
+        end_mm, length_mm = self.job.overhang_mm, min(self.job.cut_length_mm, self.job.overhang_mm)
+        done = np.clip((end_mm - z_mm) / length_mm, 0.0, 1.0)
+        weights = (1 - done) * (1 - 2 * done), 4 * done * (1 - done), done * (2 * done - 1)
+        sprung = np.zeros((z_mm.size, angle_deg.size))
+        for cut_mm, weight in zip(length_mm * np.array([0.0, 0.5, 1.0]), weights, strict=True):
+            if weight.any():
+                tube = replace(
+                    self.tube, turned_mm=self.job.depth_of_cut_mm, turned_from_mm=float(end_mm - cut_mm)
+                )
+                sprung += weight[:, None] * spring_back_um(
+                    tube, self.job.jaws, self.per_jaw_n, angle_from_jaw_deg=angle_deg, z_mm=z_mm
+                )
+        return sprung
 
     def error_um_pp(self, z_mm: float) -> float:
         """Return the peak-to-peak deviation of all mechanisms together at one Z; half a lobe suffices."""
         angle_deg, z = half_lobe_deg(self.job.jaws), np.array([z_mm])
         if not self.thin:
             return float(np.ptp(self._bar_um(angle_deg, z)[0]))
-        tube, jaws = self.tube, self.job.jaws
-        sprung = spring_back_um(tube, jaws, self.per_jaw_n, angle_from_jaw_deg=angle_deg, z_mm=z)[0]
-        wall = self.force.passive_n * tube.bending_ring(jaws).scale_um_per_n * half_lobe_compliance(jaws)
-        return float(np.ptp(sprung + float(axial_fraction(tube, jaws, z_mm)) * wall))
+        return float(np.ptp(np.sum(list(self.error_parts_um(angle_deg, z).values()), axis=0)))
 
     def size_um(self, z_mm: Floats) -> Floats:
         """Return how much too large the radius is, shape (Z,): what deflects is not cut."""
         if self.thin:
-            return np.full(z_mm.shape, self.compliance_um_per_n * self.force.passive_n)
+            compliance = wall_compliance_um_per_n(self.tube, self.job.jaws, _TURN_DEG, z_mm)
+            return floats(self.force.passive_n * compliance.mean(axis=1))
         bore_mm = self.job.diameter_mm - 2 * self.job.wall_thickness_mm
         bent = cantilever_um(self.material, self.job.diameter_mm, z_mm, self.force.passive_n, bore_mm=bore_mm)
         return np.asarray(self._bar_um(_TURN_DEG, z_mm)[0].mean(axis=1) + bent)
@@ -121,17 +132,14 @@ class HeldPart:
     @cached_property
     def compliance_um_per_n(self) -> float:
         """Return the radial compliance of the part, mean over a turn, at the free end."""
-        if self.thin:
-            jaws = self.job.jaws
-            return float(wall_compliance_um_per_n(self.tube.bending_ring(jaws), jaws, _TURN_DEG).mean())
         return float(self.size_um(np.array([self.job.overhang_mm]))[0]) / self.force.passive_n
 
     @property
     def softest_n_per_um(self) -> float:
         """The minimum stiffness of the part."""
         if self.thin:
-            jaws = self.job.jaws
-            return 1 / float(self.tube.bending_ring(jaws).scale_um_per_n * half_lobe_compliance(jaws).max())
+            angle_deg, end_mm = half_lobe_deg(self.job.jaws), [self.job.overhang_mm]
+            return 1 / float(wall_compliance_um_per_n(self.tube, self.job.jaws, angle_deg, end_mm).max())
         return 1 / self.compliance_um_per_n
 
     @property

@@ -19,6 +19,7 @@ JAW_LENGTH_MM = 40.0
 JAW_STIFFNESS_N_PER_UM = 50.0
 REFERENCE_FORCE_N = 1000.0  # force on one jaw at which its stiffness is given
 CONTACT_EXPONENT = 0.5  # alpha of k ~ F^alpha: 1/3 for Hertz's smooth bodies, 1/2 for rough surfaces
+STRAIGHT_FRACTION = 0.75  # of three rigid jaws of 10 degrees; soft or bored jaws have less, a whole collar 1
 FRICTION = 0.12  # smooth jaws: 0.1 to 0.15
 FORCE_SD_PERCENT = 5.0  # scatter between clampings with a wrench at its best
 SAME_FORCE = 0.005  # relative difference at which two chucking forces are still the same setting of the wrench
@@ -73,6 +74,8 @@ class Holding:
     stiffness_n_per_um: float
     contact_exponent: float
     friction: float
+    straight_fraction: float
+    bell_mouth_mm: float
     force_sd_fraction: float
     limit_jaw_length_mm: float
     limit_force_sd_fraction: float
@@ -88,6 +91,8 @@ def holding_of(machine: MachineProfile) -> Holding:
         "jaw_stiffness_n_per_um": (chuck.jaw_stiffness_n_per_um, JAW_STIFFNESS_N_PER_UM),
         "jaw_contact_exponent": (chuck.jaw_contact_exponent, CONTACT_EXPONENT),
         "jaw_friction": (chuck.jaw_friction, FRICTION),
+        "jaw_straight_fraction": (chuck.jaw_straight_fraction, STRAIGHT_FRACTION),
+        "jaw_bell_mouth_mm": (chuck.jaw_bell_mouth_mm, 0.0),
         "force_sd_percent": (chuck.force_sd_percent, FORCE_SD_PERCENT),
     }
     used = {key: usual if said is None else said for key, (said, usual) in given.items()}
@@ -97,6 +102,8 @@ def holding_of(machine: MachineProfile) -> Holding:
         stiffness_n_per_um=used["jaw_stiffness_n_per_um"],
         contact_exponent=used["jaw_contact_exponent"],
         friction=used["jaw_friction"],
+        straight_fraction=used["jaw_straight_fraction"],
+        bell_mouth_mm=used["jaw_bell_mouth_mm"],
         force_sd_fraction=used["force_sd_percent"] / 100,
         limit_jaw_length_mm=min(used["jaw_length_mm"], chuck.uncalibrated_jaw_length_mm or math.inf),
         limit_force_sd_fraction=max(used["force_sd_percent"], chuck.uncalibrated_force_sd_percent or 0.0) / 100,

@@ -1,4 +1,4 @@
-"""A thin ring under N jaws: its bending, its stress, and the decay of the lobe along a tube.
+"""A thin ring under N jaws: its bending and its stress.
 
 N equal inward loads W on a ring of mean radius R = (OD - t)/2 and second moment I = L t^3 / 12 (Timoshenko/Roark
 ring, bending only; good for a wall below a fifth of the radius). What is turned round while the ring is clamped
@@ -84,14 +84,3 @@ def jaw_stress_mpa(ring: Ring, jaws: int, force_per_jaw_n: float) -> float:
     """
     hoop_n = force_per_jaw_n / (2 * math.tan(math.pi / jaws))
     return bending_stress_mpa(ring, jaws, force_per_jaw_n) + hoop_n / (ring.length_mm * ring.wall_mm)
-
-
-def decay_per_mm(ring: Ring, harmonic: int) -> float:
-    """Return beta of a lobe along a tube: [n^4 (n^2 - 1)^2 t^2 / (48 (1 - nu^2) R^6)]^(1/4).
-
-    A tube that is bent at one place recovers along its axis as a beam on an elastic foundation (semi-membrane
-    shell): w = w0 exp(-beta x) (cos beta x + sin beta x), and a load far from an end bends a length of 2/beta.
-    """
-    n2 = harmonic**2
-    flat = 48 * (1 - ring.material.poisson**2) * ring.mean_radius_mm**6
-    return float((n2 * n2 * (n2 - 1) ** 2 * ring.wall_mm**2 / flat) ** 0.25)

@@ -54,7 +54,7 @@ def lobe_scale(job: Job, machine: MachineProfile) -> LobeScale | None:
         return None
     part = held_part(as_found(job), machine)
     z_mm = middle_mm(part.job)
-    if part.per_jaw_n <= 0 or z_mm < 0:
+    if part.per_jaw_n <= 0 or z_mm < 0 or part.job.depth_of_cut_mm >= part.job.wall_thickness_mm:
         return None
     if part.thin and abs(float(axial_fraction(part.tube, part.job.jaws, z_mm))) < LEAST_AXIAL_FRACTION:
         return None

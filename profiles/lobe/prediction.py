@@ -29,7 +29,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError, refusal_error
 from profiles.rules import IMPOSSIBLE, check
 
-Z_PLACES, ANGLES, STOCK_STEPS = 7, 360, 6
+Z_PLACES, ANGLES, STOCK_STEPS = 7, 360, 3
 
 _OF_PREDICTION = (
     "rule.force_over_chuck",

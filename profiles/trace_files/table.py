@@ -60,6 +60,7 @@ _QUANTITIES: Mapping[str, str] = {
         ("deviation", "dev", "radial_deviation", "roundness_deviation", "delta_r", "δr", "편차"), "deviation"
     ),
     **{axis: axis for axis in "xy"},
+    **dict.fromkeys(("z", "height", "높이"), "z"),
 }
 _UNITS: Mapping[str, str] = {
     **dict.fromkeys(("deg", "degree", "degrees", "°", "도"), "deg"),

@@ -15,13 +15,12 @@ from profiles.chucking.contact import Contact, cantilever_um, deflection, overhu
 from profiles.chucking.ring import (
     Ring,
     bending_stress_mpa,
-    decay_per_mm,
     fourier_coefficient,
     jaw_stress_mpa,
     ring_coefficients,
     spring_back_um_pp,
 )
-from profiles.chucking.tube import Tube, axial_fraction, spring_back_um, wall_compliance_um_per_n
+from profiles.chucking.tube import Tube, spring_back_um
 from profiles.cutting import (
     chatter_limit_mm,
     copying,
@@ -86,24 +85,12 @@ def test_jaws_walls_and_lengths_change_the_spring_back() -> None:
     assert um[0] / um[1] == pytest.approx(19.1, abs=0.05)
     after = ring(51.8, 2.4, 40)
     assert spring_back_um_pp(after, 3, 1.0) / spring_back_um_pp(ONE, 3, 1.0) == pytest.approx(1.124, abs=1e-3)
-    assert (1 / decay_per_mm(ONE, 3), 1 / decay_per_mm(TWO, 3)) == pytest.approx((23.47, 16.87), abs=0.005)
-    small = replace(TUBE, outside_mm=35, wall_mm=1.5)
-    assert axial_fraction(TUBE, 3, 30.0) == pytest.approx(0.347, abs=5e-4)
-    assert axial_fraction(small, 3, 30.0) == pytest.approx(0.130, abs=5e-4)
-    # A load at one place bends 1/beta to either side: 46.9 mm far from an end, so 23.5 mm with one side alone.
-    assert replace(TUBE, grip_mm=1e-6, overhang_mm=1000).bending_ring(3).length_mm == pytest.approx(
-        46.94 / 2, abs=0.01
-    )
 
 
 def test_where_the_jaws_end_the_ring_is_high_and_the_lobe_falls_to_the_free_end() -> None:
-    """1481 N on each jaw where 2/beta is bent: the paper's chucking forces are 3.1 to 6.6 kN in all."""
-    both_sides = ring(52, 2.5, 2 / decay_per_mm(ONE, 3))
-    here_um = spring_back_um_pp(both_sides, 3, 1481.0) * float(axial_fraction(TUBE, 3, 30.0))
-    assert here_um == pytest.approx(55.0, abs=0.1)
     short = replace(TUBE, overhang_mm=1e-9)
     um = spring_back_um(short, 3, 438.0, angle_from_jaw_deg=TURN_DEG, z_mm=[0.0])[0]
-    assert np.ptp(um) == pytest.approx(spring_back_um_pp(ONE, 3, 438.0), rel=1e-3)
+    assert np.ptp(um) == pytest.approx((1 - 0.33**2) * spring_back_um_pp(ONE, 3, 438.0), rel=2e-3)
     assert TURN_DEG[um.argmax()] % 120 == 0
     assert um.mean() == pytest.approx(0, abs=1e-9)
     um = spring_back_um(TUBE, 3, 438.0, angle_from_jaw_deg=TURN_DEG, z_mm=[-10, 0, 10, 20, 30])
@@ -111,18 +98,6 @@ def test_where_the_jaws_end_the_ring_is_high_and_the_lobe_falls_to_the_free_end(
     assert um.shape == (5, 360)
     assert along[0] == pytest.approx(along[1])
     assert (np.diff(along[1:]) < 0).all()
-    # Ring stiffness between the jaws lies between 1.1 and 3.2 N/um for these parts.
-    for part, softest in ((TWO, 1.13), (ONE, 1.62), (replace(TWO, length_mm=60), 1.69)):
-        assert 1 / wall_compliance_um_per_n(part, 3, 60.0) == pytest.approx(softest, abs=0.01)
-
-
-@pytest.mark.parametrize("jaws", [2, 3, 4, 6])
-def test_a_wall_gives_way_between_the_jaws(jaws: int) -> None:
-    soft = wall_compliance_um_per_n(ONE, jaws, TURN_DEG)
-    jaw = TURN_DEG % (360 / jaws) == 0
-    assert soft[jaw] == pytest.approx(0, abs=1e-9)
-    if jaws > 2:  # two jaws let the ring shear: softest a quarter of the way
-        assert soft.argmax() % (360 / jaws) == pytest.approx(180 / jaws, abs=1)
 
 
 def framed(outside: float, wall: float, length: float, jaws: int, force: float) -> tuple[float, float]:

@@ -1,0 +1,260 @@
+"""Cylindricity of a stack of roundness profiles: the reference cylinders of ISO 12180-1.
+
+Each section is filtered round by the Gaussian filter of ISO 16610-21; along the part, where sections are few,
+none is applied. The cylinders are fitted to deviation = R + (x + a z) cos + (y + b z) sin, which is linear: one
+by least squares, the others as linear programmes by the exchange of contacts (`profiles.metrology.circles`). If
+the radius of the part is known, the fit is repeated with the exact distances from its axis until that stays.
+Angles in degrees, z in mm, deviations and offsets in um.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from profiles.arrays import Floats, floats
+from profiles.metrology.circles import exchange_basis, limacon_circle
+from profiles.metrology.points import angle_weights
+from profiles.problem import refusal_error
+from profiles.roundness import profile_of
+
+LEAST_SQUARES = "LSCY"
+MINIMUM_ZONE = "MZCY"
+MINIMUM_CIRCUMSCRIBED = "MCCY"
+MAXIMUM_INSCRIBED = "MICY"
+CYLINDERS = (LEAST_SQUARES, MINIMUM_ZONE, MINIMUM_CIRCUMSCRIBED, MAXIMUM_INSCRIBED)
+
+LEAST_SECTIONS = 3  # ISO 1101: two sections are a cone of any shape between them
+GENERATRICES = 360  # at whole degrees
+_STAYS_UM = 1e-9
+_MOST_TURNS = 20
+_OUTSIDE = 1e-12
+_TINY = 1e-11
+_UNUSED = 100.0
+"""Price of a contact that is none, in peak-to-peak deviations: a start for the exchange."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Section:
+    """A roundness profile at one height: M angles (deg) and deviations (um), and its z (mm)."""
+
+    z_mm: float
+    angle_deg: Floats
+    deviation_um: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceCylinder:
+    """A reference cylinder; its axis passes `centre_x_um`, `centre_y_um` in the middle of the sections.
+
+    `tilt_x_um_per_mm` and `tilt_y_um_per_mm` are its slopes, `deviation_um` its radius above the nominal one (the
+    middle of both for the minimum zone). CYLt is peak to valley, CYLp, CYLv and CYLq about the cylinder.
+    """
+
+    kind: str
+    centre_x_um: float
+    centre_y_um: float
+    tilt_x_um_per_mm: float
+    tilt_y_um_per_mm: float
+    deviation_um: float
+    cylt_um: float
+    cylp_um: float
+    cylv_um: float
+    cylq_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CylinderResult:
+    """The form of a part over its length.
+
+    `cylinders` has one of each kind. A line through the mean radii of the sections rises by `taper_um` over the
+    evaluated length (radius, positive if it grows with z); they deviate from it by `crown_um`, peak to valley. The
+    centres of the sections lie within a diameter of `axis_straightness_um` about their line, the worst generatrix
+    within `generatrix_straightness_um`, peak to valley, about its own. All lines are of least squares.
+    """
+
+    z_mm: tuple[float, ...]
+    filter_upr: float | None
+    cylinders: tuple[ReferenceCylinder, ...]
+    taper_um: float
+    crown_um: float
+    axis_straightness_um: float
+    generatrix_straightness_um: float
+
+    def cylinder(self, kind: str) -> ReferenceCylinder:
+        """Return the reference cylinder of that kind ("LSCY", "MZCY", "MCCY" or "MICY")."""
+        return next(each for each in self.cylinders if each.kind == kind)
+
+
+def evaluate_cylinder(
+    sections: Sequence[Section], *, radius_mm: float | None = None, filter_upr: float | None = 50.0
+) -> CylinderResult:
+    """Return the cylindricity of sections of one part, which share the axis of measurement and its angle 0.
+
+    Raises `ProfileError`: `trace.few_sections`, fewer than three heights; and as `roundness.evaluate` does.
+    """
+    heights = sorted({each.z_mm for each in sections})
+    if len(heights) < LEAST_SECTIONS:
+        value, limit = str(len(heights)), f">= {LEAST_SECTIONS}"
+        raise refusal_error("trace.few_sections", key="z_mm", value=value, limit=limit)
+    whole = [_filtered(each, filter_upr) for each in sorted(sections, key=lambda each: each.z_mm)]
+    angle = np.radians(np.concatenate([each.angle_deg for each in whole]))
+    deviation = np.concatenate([each.deviation_um for each in whole])
+    z = np.concatenate([np.full(each.angle_deg.size, each.z_mm) for each in whole])
+    middle_mm = 0.5 * (heights[0] + heights[-1])
+    weight = np.concatenate([angle_weights(each.angle_deg) for each in whole])
+    weight /= weight.sum()
+    points = Points(angle=angle, z_mm=z - middle_mm, deviation_um=deviation, weight=weight)
+    return CylinderResult(
+        z_mm=tuple(heights),
+        filter_upr=filter_upr,
+        cylinders=tuple(reference_cylinder(kind, points, radius_mm) for kind in CYLINDERS),
+        **_lines(whole),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Points:
+    """M points: angle (rad), z from the middle (mm), deviation of the radius (um), and weights whose sum is 1."""
+
+    angle: Floats
+    z_mm: Floats
+    deviation_um: Floats
+    weight: Floats
+
+    def design(self) -> Floats:
+        """Return the rows 1, cos, sin, z cos, z sin, shape (5, M); z over half its range."""
+        cosine, sine, half = np.cos(self.angle), np.sin(self.angle), self.half_mm
+        return np.stack([np.ones_like(cosine), cosine, sine, self.z_mm / half * cosine, self.z_mm / half * sine])
+
+    @property
+    def half_mm(self) -> float:
+        """Half of the evaluated length."""
+        return float(np.abs(self.z_mm).max())
+
+    def about(self, axis: Floats, radius_mm: float) -> Points:
+        """Return the points with their distances from an axis: x, y, and slopes over the half length, um."""
+        slope = axis[2:] / (1000.0 * self.half_mm)
+        radius = radius_mm + self.deviation_um / 1000.0
+        way = np.array([slope[0], slope[1], 1.0]) / math.sqrt(1.0 + float(slope @ slope))
+        x = radius * np.cos(self.angle) - axis[0] / 1000.0
+        y = radius * np.sin(self.angle) - axis[1] / 1000.0
+        along = x * way[0] + y * way[1] + self.z_mm * way[2]
+        x, y = x - along * way[0], y - along * way[1]
+        across = np.hypot(np.hypot(x, y), self.z_mm - along * way[2])
+        return replace(self, angle=np.arctan2(y, x), z_mm=along, deviation_um=1000.0 * (across - radius_mm))
+
+
+def reference_cylinder(kind: str, points: Points, radius_mm: float | None) -> ReferenceCylinder:
+    """Return a reference cylinder of points."""
+    axis, half = np.zeros(4), points.half_mm
+    seen = points
+    for _ in range(_MOST_TURNS):
+        moved = _moved(kind, seen)
+        axis = axis + moved
+        if radius_mm is None:
+            seen = replace(seen, deviation_um=seen.deviation_um - moved @ seen.design()[1:])
+            break
+        seen = points.about(axis, radius_mm)
+        if float(np.abs(moved).max()) < _STAYS_UM:
+            break
+    highest, lowest = float(seen.deviation_um.max()), float(seen.deviation_um.min())
+    radius_um = {
+        LEAST_SQUARES: float(seen.weight @ seen.deviation_um),
+        MINIMUM_ZONE: 0.5 * (highest + lowest),
+        MINIMUM_CIRCUMSCRIBED: highest,
+        MAXIMUM_INSCRIBED: lowest,
+    }[kind]
+    return ReferenceCylinder(
+        kind=kind,
+        centre_x_um=float(axis[0]),
+        centre_y_um=float(axis[1]),
+        tilt_x_um_per_mm=float(axis[2]) / half,
+        tilt_y_um_per_mm=float(axis[3]) / half,
+        deviation_um=radius_um,
+        cylt_um=highest - lowest,
+        cylp_um=highest - radius_um,
+        cylv_um=radius_um - lowest,
+        cylq_um=math.sqrt(float(seen.weight @ (seen.deviation_um - radius_um) ** 2)),
+    )
+
+
+def _moved(kind: str, points: Points) -> Floats:
+    """Return how far the axis of the cylinder is from the one that the points are seen from, (4,)."""
+    design, deviation = points.design(), points.deviation_um
+    root = np.sqrt(points.weight)
+    squares = np.linalg.lstsq((design * root).T, deviation * root, rcond=None)[0]
+    if kind == LEAST_SQUARES:
+        return floats(squares[1:])
+    left = deviation - squares @ design
+    return floats(squares[1:] + _extreme(kind, design, left))
+
+
+def _extreme(kind: str, design: Floats, left_um: Floats) -> Floats:
+    """Return the shift of the axis from that of least squares, by the exchange of contacts."""
+    span_um, size = float(np.ptp(left_um)), left_um.size
+    if span_um == 0.0:
+        return np.zeros(4)
+    zone = kind == MINIMUM_ZONE
+    sign = -1.0 if kind == MAXIMUM_INSCRIBED else 1.0
+    gains, sides = sign * left_um / span_um, 2 if zone else 1
+    rows, columns = sides + 4, [np.vstack([design[:1]] + [np.zeros((1, size))] * (sides - 1) + [design[1:]])]
+    of_gains = [gains]
+    if zone:
+        columns.append(np.vstack([np.zeros((1, size)), design[:1], -design[1:]]))
+        of_gains.append(-gains)
+    columns.append(np.eye(rows))
+    of_gains.append(np.full(rows, -_UNUSED))
+    every, gain = np.hstack(columns), np.concatenate(of_gains)
+    # A cylinder that rests on few points: without the tiny forces every exchange at the start would bring nothing.
+    rhs = _TINY * np.arange(1.0, rows + 1.0)
+    rhs[:sides] = 1.0
+    start = np.arange(every.shape[1] - rows, every.shape[1], dtype=np.intp)
+    optimum = exchange_basis(
+        every, gain, rhs, start, tolerance=_OUTSIDE, excess_of=lambda prices: floats(gain - prices @ every)
+    )
+    return floats(sign * span_um * optimum.prices[-4:])
+
+
+def _filtered(section: Section, filter_upr: float | None) -> Section:
+    """Return the section through the filter, with the mean and the centre that it has."""
+    angle, profile = profile_of(section.angle_deg, section.deviation_um, filter_upr)
+    mean, x, y = _centre(section)
+    theta = np.radians(angle)
+    return Section(
+        z_mm=section.z_mm, angle_deg=angle, deviation_um=profile + mean + x * np.cos(theta) + y * np.sin(theta)
+    )
+
+
+def _centre(section: Section) -> tuple[float, float, float]:
+    """Return mean radius and centre of the least squares circle, um."""
+    circle = limacon_circle("LSC", section.angle_deg, section.deviation_um)
+    return circle.deviation_um, circle.centre_x_um, circle.centre_y_um
+
+
+def _lines(sections: Sequence[Section]) -> dict[str, float]:
+    """Return taper, crown and straightnesses of the sections."""
+    z = floats([each.z_mm for each in sections])
+    mean, x, y = (floats(each) for each in zip(*map(_centre, sections), strict=True))
+    line = np.stack([np.ones_like(z), z - z.mean()], axis=1)
+
+    def left(values: Floats) -> Floats:
+        return floats(values - line @ np.linalg.lstsq(line, values, rcond=None)[0])
+
+    turn = 360.0 * np.arange(GENERATRICES) / GENERATRICES
+    walls = np.stack([_at(each, turn) for each in sections])
+    return {
+        "taper_um": float(np.polyfit(z, mean, 1)[0] * np.ptp(z)),
+        "crown_um": float(np.ptp(left(mean))),
+        "axis_straightness_um": 2.0 * float(np.hypot(left(x), left(y)).max()),
+        "generatrix_straightness_um": float(np.ptp(left(walls), axis=0).max()),
+    }
+
+
+def _at(section: Section, angle_deg: Floats) -> Floats:
+    order = np.argsort(np.mod(section.angle_deg, 360.0), kind="stable")
+    turn = np.mod(section.angle_deg, 360.0)[order]
+    return floats(np.interp(angle_deg, turn, section.deviation_um[order], period=360.0))
