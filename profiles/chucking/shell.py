@@ -17,7 +17,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solveh_banded
 
 from profiles.arrays import Floats, floats, read_only
 
@@ -94,17 +93,24 @@ def bending(shell: Shell, harmonics: tuple[int, ...]) -> Bending:
         even[6 * i + W] += length / (z[held[-1]] - z[0]) * np.array([0.5, length / 12, 0.5, -length / 12])
     pressed, straight = [], []
     for stiffness in stiffness_of(shell, harmonics, z):
-        pressed.append(solveh_banded(stiffness, even, lower=True))
+        pressed.append(solve_band(stiffness, even))
         # Held straight, W is 1 and does not slope in the jaws; the load is what that takes.
         reaction = -_times(stiffness, one)
         reaction[fixed] = one[fixed]
-        moved = solveh_banded(with_fixed(stiffness, fixed), reaction, lower=True)
+        moved = solve_band(with_fixed(stiffness, fixed), reaction)
         straight.append(moved / _times(stiffness, moved)[value[held]].sum())
     return Bending(
         z_mm=read_only(z),
         straight=read_only([[each[of] for each in straight] for of in (value, slope)]),
         even=read_only([[each[of] for each in pressed] for of in (value, slope)]),
     )
+
+
+def solve_band(stiffness: Floats, forces: Floats) -> Floats:
+    """Return the motions under forces, by the lower half of the band of a stiffness."""
+    from scipy.linalg import solveh_banded
+
+    return floats(solveh_banded(stiffness, forces, lower=True))
 
 
 def with_fixed(stiffness: Floats, fixed: NDArray[np.intp]) -> Floats:
@@ -192,10 +198,10 @@ def stiffness_of(shell: Shell, harmonics: tuple[int, ...], z: Floats) -> Floats:
     elastic[:, :3, :3] = 12 / shell.wall_mm**2 * thinner * plane
     elastic[:, 3:, 3:] = thinner**3 * plane
     stress = (_GAUSS_WEIGHT * length * radius**2)[:, :, None, None] * (elastic[:, None] @ strain)
-    strain, stress = (each.reshape(3, len(length), 24, 12) for each in (strain, stress))
+    at_points, of_points = (each.reshape(3, len(length), 24, 12) for each in (strain, stress))
     each = np.zeros((5, len(length), 12, 12))
     for i, j in np.ndindex(3, 3):
-        each[i + j] += np.swapaxes(strain[i], 1, 2) @ stress[j]
+        each[i + j] += np.swapaxes(at_points[i], 1, 2) @ of_points[j]
     whole = np.zeros((5, 12, 6 * len(z)))
     below = _ELEMENT[:, None] - _ELEMENT[None, :]
     a, b = np.nonzero(below >= 0)

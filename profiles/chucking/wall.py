@@ -12,10 +12,9 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
 from profiles.arrays import Floats, floats, read_only
-from profiles.chucking.shell import Shell, U, V, W, mesh, stiffness_of, with_fixed, within
+from profiles.chucking.shell import Shell, U, V, W, mesh, solve_band, stiffness_of, with_fixed, within
 
 HARMONICS = 24  # more add a hundredth under the tool, and nothing to what depends on the angle
 PLACES = 3
@@ -100,5 +99,5 @@ def _flexibility(shell: Shell, tool_mm: tuple[float, ...]) -> Floats:
         if n in held_whole:
             forces[held_whole[n]] = 0.0
             stiffness = with_fixed(stiffness, held_whole[n])
-        flexible.append(forces.T @ solveh_banded(stiffness, forces, lower=True) / (1 if n else 2))
+        flexible.append(forces.T @ solve_band(stiffness, forces) / (1 if n else 2))
     return read_only(flexible)

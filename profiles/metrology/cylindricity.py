@@ -38,7 +38,7 @@ _UNUSED = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Section:
+class PartSection:
     """A roundness profile at one height: M angles (deg) and deviations (um), and its z (mm)."""
 
     z_mm: float
@@ -90,7 +90,7 @@ class CylinderResult:
 
 
 def evaluate_cylinder(
-    sections: Sequence[Section], *, radius_mm: float | None = None, filter_upr: float | None = 50.0
+    sections: Sequence[PartSection], *, radius_mm: float | None = None, filter_upr: float | None = 50.0
 ) -> CylinderResult:
     """Return the cylindricity of sections of one part, which share the axis of measurement and its angle 0.
 
@@ -219,23 +219,23 @@ def _extreme(kind: str, design: Floats, left_um: Floats) -> Floats:
     return floats(sign * span_um * optimum.prices[-4:])
 
 
-def _filtered(section: Section, filter_upr: float | None) -> Section:
+def _filtered(section: PartSection, filter_upr: float | None) -> PartSection:
     """Return the section through the filter, with the mean and the centre that it has."""
     angle, profile = profile_of(section.angle_deg, section.deviation_um, filter_upr)
     mean, x, y = _centre(section)
     theta = np.radians(angle)
-    return Section(
+    return PartSection(
         z_mm=section.z_mm, angle_deg=angle, deviation_um=profile + mean + x * np.cos(theta) + y * np.sin(theta)
     )
 
 
-def _centre(section: Section) -> tuple[float, float, float]:
+def _centre(section: PartSection) -> tuple[float, float, float]:
     """Return mean radius and centre of the least squares circle, um."""
     circle = limacon_circle("LSC", section.angle_deg, section.deviation_um)
     return circle.deviation_um, circle.centre_x_um, circle.centre_y_um
 
 
-def _lines(sections: Sequence[Section]) -> dict[str, float]:
+def _lines(sections: Sequence[PartSection]) -> dict[str, float]:
     """Return taper, crown and straightnesses of the sections."""
     z = floats([each.z_mm for each in sections])
     mean, x, y = (floats(each) for each in zip(*map(_centre, sections), strict=True))
@@ -254,7 +254,7 @@ def _lines(sections: Sequence[Section]) -> dict[str, float]:
     }
 
 
-def _at(section: Section, angle_deg: Floats) -> Floats:
+def _at(section: PartSection, angle_deg: Floats) -> Floats:
     order = np.argsort(np.mod(section.angle_deg, 360.0), kind="stable")
     turn = np.mod(section.angle_deg, 360.0)[order]
     return floats(np.interp(angle_deg, turn, section.deviation_um[order], period=360.0))

@@ -31,7 +31,7 @@ def rows(run: Said) -> dict[str, list[str]]:
 
 
 def test_the_bundled_machines_are_listed_with_link_and_signature(console: Console, data_folder: Path) -> None:
-    assert rows(console("machines"))["lee-2001-lathe"] == ["-", "simulator", "37", "bundled"]
+    assert rows(console("machines"))["lee-2001-lathe"] == ["-", "simulator", "39", "bundled"]
     assert console("machines", "list").out == console("machines").out
     (turbo,) = [each for each in console("machines", "--json").json["machines"] if "turbo" in each["name"]]
     assert turbo["link"] == "ethernet:192.6.94.5" and turbo["signed_for"] == "simulator"
@@ -53,7 +53,7 @@ def test_a_copy_keeps_everything_but_what_belongs_to_one_machine(console: Consol
     assert (
         str(made.path) in run.out and "controller.variables" in run.out and "doctor --machine lathe-4" in run.out
     )
-    assert rows(console("machines"))["lathe-4"] == ["-", "simulator", "38", "own"]
+    assert rows(console("machines"))["lathe-4"] == ["-", "simulator", "40", "own"]
 
 
 @pytest.mark.parametrize("name", ["lathe-3", "lee-2001-lathe", "../lathe", "", "x" * 61, ".hidden"])

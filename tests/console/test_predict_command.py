@@ -31,10 +31,10 @@ def test_json_has_the_error_over_angle_and_z(console: Console) -> None:
     assert seen["angle_deg"][int(error[0].argmax())] % 120 == 90
     assert (seen["cut"]["mechanism"], seen["cut"]["high_at_jaws"]) == ("spring_back", True)
     assert seen["cut"]["measured_um_pp"] == 55.0
-    assert 3077 < seen["model"]["matching_force_n"] < 6593
+    assert seen["model"]["matching_force_n"] == pytest.approx(7475, abs=1)
     assert (seen["scaled_to"]["source"], seen["scaled_to"]["found_um_pp"]) == ("measured", 55.0)
     assert seen["cut"]["um_pp"] == pytest.approx(55.0)
-    assert seen["model"]["um_pp"] == pytest.approx(12.37, abs=0.01)
+    assert seen["model"]["um_pp"] == pytest.approx(8.19, abs=0.01)
     assert seen["clamping"]["minimum_n"] < seen["clamping"]["at_rest_n"] < seen["clamping"]["maximum_n"]
     assert seen["process"]["force"]["main_n"] == pytest.approx(7.40, abs=0.005)
     minded = [finding["code"] for finding in seen["findings"] if finding["severity"] != "ok"]

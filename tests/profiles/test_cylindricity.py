@@ -12,8 +12,8 @@ from profiles.metrology.cylindricity import (
     LEAST_SQUARES,
     MINIMUM_CIRCUMSCRIBED,
     MINIMUM_ZONE,
+    PartSection,
     Points,
-    Section,
     evaluate_cylinder,
     reference_cylinder,
 )
@@ -23,8 +23,8 @@ TURN_DEG = np.arange(0.0, 360.0, 1.0)
 HEIGHTS_MM = (2.0, 4.0, 6.0, 8.0, 10.0)
 
 
-def part(deviation_um: dict[float, Floats]) -> list[Section]:
-    return [Section(z_mm=z, angle_deg=TURN_DEG, deviation_um=um) for z, um in deviation_um.items()]
+def part(deviation_um: dict[float, Floats]) -> list[PartSection]:
+    return [PartSection(z_mm=z, angle_deg=TURN_DEG, deviation_um=um) for z, um in deviation_um.items()]
 
 
 def solved(kind: str, design: Floats, deviation: Floats) -> float:
@@ -75,7 +75,7 @@ def test_a_round_part_off_the_axis_and_tilted_has_no_error() -> None:
             )
             across = np.linalg.norm(place - np.outer(way, way @ place), axis=0)
             radius = radius + 26.0 - across
-        sections.append(Section(z_mm=z, angle_deg=TURN_DEG, deviation_um=1000 * (radius - 26.0)))
+        sections.append(PartSection(z_mm=z, angle_deg=TURN_DEG, deviation_um=1000 * (radius - 26.0)))
     found = evaluate_cylinder(sections, radius_mm=26.0, filter_upr=None)
     for kind in CYLINDERS:
         assert found.cylinder(kind).cylt_um == pytest.approx(0.0, abs=1e-6)

@@ -70,6 +70,7 @@ def test_the_papers_errors_follow_from_chucking_forces_near_the_papers(
     assert found.model.measured_um_pp == job.lobe_error_um_pp
     assert found.model.matching_force_n == pytest.approx(most_n, abs=1)
     assert least_n < 3077 and 6593 < most_n
+    assert found.model.matching_force_n is not None
     matched = predict(replace(job, chucking_force_n=found.model.matching_force_n), LATHE)
     assert matched.model.um_pp == pytest.approx(job.lobe_error_um_pp)
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 Floats = NDArray[np.float64]
 Strain = list[tuple[int, int, float | Floats]]
@@ -37,11 +36,15 @@ class ClampedShell:
     jaw_stiffness: float
     open_fraction: float = 0.0
 
-    def pressed(self, harmonics: tuple[int, ...], turned_mm: float = 0.0, turned_from_mm: float = 0.0) -> Pressed:
+    def pressed(
+        self, harmonics: tuple[int, ...], turned_mm: float = 0.0, turned_from_mm: float = 0.0
+    ) -> PressedShape:
         """Return how far each harmonic is pressed in by a force of pi R D on it.
 
         `turned_mm` is off the wall from `turned_from_mm` to the free end.
         """
+        from scipy.linalg import solveh_banded
+
         steps = round(self.grip_mm / STEP_MM), max(round(self.overhang_mm / STEP_MM), 2)
         z = np.concatenate(
             [np.linspace(-self.grip_mm, 0.0, steps[0] + 1), np.linspace(0.0, self.overhang_mm, steps[1] + 1)[1:]]
@@ -63,11 +66,11 @@ class ClampedShell:
             load[2::3] = spring * inside * inward
             w = solveh_banded(band, load, lower=True)[2::3]
             found.append(w / (spring * inside * (inward - w)).sum())
-        return Pressed(z_mm=z, w=np.array(found))
+        return PressedShape(z_mm=z, w=np.array(found))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pressed:
+class PressedShape:
     """The motion of each harmonic along z, shape (harmonic, z)."""
 
     z_mm: Floats
