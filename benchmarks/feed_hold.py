@@ -151,7 +151,7 @@ def row_fall_um(cutting: Cutting, seed: int) -> float:
 
 def figures(cutting: Cutting, seed: int) -> Figures:
     """Return the figures of one seed."""
-    workshop.SECTIONS = _sections(cutting.job)  # type: ignore[assignment]  # its type is that of three
+    workshop.SECTIONS = _sections(cutting.job)
     try:
         plain = _made(cutting, seed, hold=False)
         found = Figures(

@@ -51,11 +51,10 @@ class Job:
     it where that was found. `lobe_force_n` is the chucking force at which that error was found, and so are the
     other keys of the calibration cut: speed, overhang, wall, diameter, material, number of jaws, and the names
     of chuck and tool. A file that does not give one of them has its error at its own value. The error is that
-    in the middle of the cut; it grows by `lobe_growth_percent_per_mm` of itself with each mm from there towards
-    the jaws. `diameter_tolerance_um` is how far the finished diameter may be off either way, None where that is
-    not judged. `assumed` names the keys whose values the source does not give; `copied_from` is the job that this
-    one was copied from, whose source does not apply. `note` and `tags` are words for people: no cut depends on
-    them, and jobs that differ in nothing else are equal.
+    in the middle of the cut. `diameter_tolerance_um` is how far the finished diameter may be off either way, None
+    where that is not judged. `assumed` names the keys whose values the source does not give; `copied_from` is the
+    job that this one was copied from, whose source does not apply. `note` and `tags` are words for people: no cut
+    depends on them, and jobs that differ in nothing else are equal.
     """
 
     name: str
@@ -84,7 +83,6 @@ class Job:
     lobe_chuck: str | None = None
     lobe_tool: str | None = None
     lobe_past_jaw_deg: float | None = None
-    lobe_growth_percent_per_mm: float | None = None
     assumed: tuple[str, ...] = ()
     source: str = ""
     copied_from: str | None = None
@@ -111,12 +109,6 @@ class Job:
     def lobe_amplitude_um(self) -> float:
         """Half of the peak-to-peak error: A1 of Eq 7."""
         return self.lobe_error_um_pp / 2
-
-    @property
-    def largest_amplitude_um(self) -> float:
-        """The amplitude at the end of the cut where the lobe is largest."""
-        growth_per_mm = abs(self.lobe_growth_percent_per_mm or 0.0) / 100
-        return self.lobe_amplitude_um * (1 + growth_per_mm * self.cut_length_mm / 2)
 
     @property
     def error_force_n(self) -> float:
@@ -179,7 +171,6 @@ _CONTENT = (
     Field(key="lobe_chuck", kind=FieldType.TEXT, table="lobe", optional=True),
     Field(key="lobe_tool", kind=FieldType.TEXT, table="lobe", optional=True),
     Field(key="lobe_past_jaw_deg", table="lobe", unit="deg", at_least=-180, at_most=180, optional=True),
-    Field(key="lobe_growth_percent_per_mm", table="lobe", unit="%/mm", at_least=-20, at_most=20, optional=True),
 )
 
 JOB_FIELDS: tuple[Field, ...] = (

@@ -151,6 +151,9 @@ class Carriage:
     travel_max_mm: float
 
 
+SHELL, ONE_LOBE = "shell", "one"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chuck:
     """The chuck. `jaw_mass_kg` is one jaw and `jaw_radius_mm` its centre of mass, for the centrifugal loss.
@@ -161,8 +164,9 @@ class Chuck:
     Data for predictions, None if unknown: the length of the jaws along the axis; the stiffness of one jaw at 1000
     N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the fraction of their
     force with which they hold as straight jaws, the rest being even along them, and the length behind their faces
-    over which they do not touch; the total force per N m at
-    the wrench, the force at no torque (None beside the first is 0), and its scatter between clampings; the lowest
+    over which they do not touch; whether the lobe changes along a part as that of a shell, or is one throughout;
+    the total force per N m at the wrench, the force at no torque (None beside the first is 0), and its scatter
+    between clampings; the lowest
     mode of parts in it. `name` is the name of the chuck at the lathe.
 
     `OF_CALIBRATION` are no keys of a file: the variance of the wrench line, of the offset (N^2), of both together,
@@ -180,6 +184,7 @@ class Chuck:
     jaw_friction: float | None = None
     jaw_straight_fraction: float | None = None
     jaw_bell_mouth_mm: float | None = None
+    lobe_along: str = SHELL
     force_per_torque_n_per_n_m: float | None = None
     force_offset_n: float | None = None
     force_sd_percent: float | None = None

@@ -131,6 +131,7 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             Field(key="jaw_contact_exponent", at_least=0, at_most=0.9, optional=True),
             Field(key="jaw_straight_fraction", at_least=0, at_most=1, optional=True),
             Field(key="jaw_bell_mouth_mm", unit="mm", at_least=0, at_most=100, optional=True),
+            Field(key="lobe_along", kind=FieldType.CHOICE, default="shell", choices=("shell", "one")),
             _known("jaw_friction", "", 1),
             _known("force_per_torque_n_per_n_m", "N/(N m)", 100_000),
             Field(key="force_offset_n", unit="N", at_least=-100_000, at_most=100_000, optional=True),

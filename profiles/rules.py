@@ -111,7 +111,7 @@ def _chatter(job: Job, machine: MachineProfile, judged: tuple[Finding, ...]) -> 
 
 
 def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    wall_mm, depth_mm, lobe_mm = job.wall_thickness_mm, job.depth_of_cut_mm, job.largest_amplitude_um / 1000
+    wall_mm, depth_mm, lobe_mm = job.wall_thickness_mm, job.depth_of_cut_mm, job.lobe_amplitude_um / 1000
     left_mm, free_mm = wall_mm - depth_mm - lobe_mm, job.overhang_mm - machine.carriage.jaw_clearance_mm
     speed_rpm, force_n = job.spindle_speed_rpm, job.chucking_force_n
     return (
@@ -169,7 +169,7 @@ def _travel(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     tool, carriage = machine.tool, machine.carriage
     surface_mm = tool.home_radius_mm - job.radius_mm
     out_mm = surface_mm - tool.retract_mm
-    in_mm = surface_mm + job.depth_of_cut_mm + job.largest_amplitude_um / 1000
+    in_mm = surface_mm + job.depth_of_cut_mm + job.lobe_amplitude_um / 1000
     start_mm = carriage.jaw_face_mm - job.overhang_mm
     end_mm = start_mm + job.cut_length_mm
     return (

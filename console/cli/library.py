@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from console.cli.arguments import DEFAULT_PLANT
 from console.session.data.kept_files import data_folder, jobs_folder, machines_folder, refuse_closed
@@ -17,6 +17,8 @@ from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
 from profiles.machine import MachineProfile, real_machine_problems
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
+
+Loaded = TypeVar("Loaded", bound=LoadedMachine)
 
 if TYPE_CHECKING:
     from console.session.cut.simulated_parts import LatheParts
@@ -116,6 +118,22 @@ def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParam
     if plant == MOUNTED:
         raise SessionError(Problem(code="session.nobody_aligns", key="--plant", value=plant))
     return plant_named(plant, machine, options.seed, options.clamping_sd)
+
+
+def along_as_there(loaded: Loaded, address: LinkAddress | None, true: TrueParameters | None = None) -> Loaded:
+    """Return a machine whose lobe along Z is as its simulated lathe has it: at an address, or None in this process.
+
+    Parts of the plants `ideal` and `paper` have one lobe along Z, as the paper evaluates them. Raises
+    `ProfileError` as `plant_named`.
+    """
+    from drivers.simulator.plant.presets import plant_named
+    from drivers.simulator.plant.true_parameters import as_simulated
+
+    if isinstance(address, SimulatedAddress):
+        true = plant_named(address.plant, loaded.machine, address.seed or 0)
+    elif address is not None:
+        return loaded
+    return replace(loaded, machine=as_simulated(loaded.machine, true))
 
 
 def known_lathe(address: LinkAddress, machine: MachineProfile) -> tuple[LinkAddress, str]:

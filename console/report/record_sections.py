@@ -35,7 +35,6 @@ CONDITIONS = (
     "lobe_chuck",
     "lobe_tool",
     "lobe_past_jaw_deg",
-    "lobe_growth_percent_per_mm",
 )
 _SIGNS = {"um": "µm", "deg": "°"}
 _UNITS = {field.key: _SIGNS.get(field.unit, field.unit) for field in JOB_FIELDS}

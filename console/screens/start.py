@@ -17,7 +17,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Protocol
 
-from console.cli.library import data_of, machine_of, simulated_address
+from console.cli.library import along_as_there, data_of, machine_of, simulated_address
 from console.escaping import CELLS
 from console.flight.notes import Inbox, NoteKind
 from console.flight.recorded_control import RecordedControl
@@ -141,6 +141,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     begins = None
     if schooling is not None:
         place, begins = schooling.address or place, schooling.begins
+    machine = along_as_there(machine, place)
     appearance = _appearance(options.configuration, text)
     link = LinkThread(
         machine.machine.name,

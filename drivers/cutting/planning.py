@@ -21,10 +21,11 @@ from drivers.pmac.settings import settings_with
 from profiles.axis.friction import held_back_um
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.axis.servo import sampled_response
-from profiles.compensations.path import CutPath, LobedPath, invert, path_problems, target_path
+from profiles.compensations.path import AlongCut, CutPath, LobedPath, invert, path_problems, target_path
 from profiles.compensations.push import predicted_push_um
 from profiles.findings import Finding
 from profiles.job import Job
+from profiles.lobe.along import along_cut
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, refusal_error
 
@@ -90,10 +91,10 @@ def plan_cut(
 
     Raises:
         ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `program.too_long`,
-            `program.no_zero_row`, `program.not_turned`, `program.no_overtones`, `program.no_growth`,
-            `program.no_trim`), a path that is none of this job (`path.harmonics`, `path.beyond`), its servo cannot
-            be inverted (`response.amplified`, `response.outside_band`, `response.too_sparse`), or the controller
-            would refuse it (`program.refused`).
+            `program.no_zero_row`, `program.not_turned`, `program.no_overtones`, `program.no_trim`), a path that is
+            none of this job (`path.harmonics`, `path.beyond`), its servo cannot be inverted
+            (`response.amplified`, `response.outside_band`, `response.too_sparse`), or the controller would refuse
+            it (`program.refused`).
     """
     _refuse_other_axes(machine)
     if trimmed:
@@ -102,13 +103,15 @@ def plan_cut(
         _refuse_beyond(path, job, machine, strategy)
     start = from_turn * machine.spindle.counts_per_rev + first_spindle_counts(job, machine, strategy)
     command = _command(job, machine, strategy, path, response)
+    target = target_path(job) if path is None else path.target
+    along = along_cut(job, machine) if strategy.traits.inverts else AlongCut()
     planning = PlanningInput(
         job=job,
         machine=machine,
         dialect=DIALECTS[machine.controller.family],
         setup=cut_setup(job, machine, start, watchdog, air_mm=air_mm),
-        target=target_path(job) if path is None else path.target,
-        command=replace(command, push_um=0.0) if air_mm else command,
+        target=replace(target, along=along),
+        command=replace(command, along=along, push_um=0.0 if air_mm else command.push_um),
         ts_ms=ts_ms,
         trimmed=trimmed,
     )
@@ -240,9 +243,6 @@ def _refuse_unsegmented(command: LobedPath, job: Job, machine: MachineProfile, s
     if command.overtones:
         value = ", ".join(str(harmonic.lobes) for harmonic in command.overtones)
         raise DriverError(Problem(code="program.no_overtones", key=strategy, value=value, limit=tables))
-    if command.growth_per_mm:
-        value = f"{100.0 * command.growth_per_mm:g} %/mm"
-        raise DriverError(Problem(code="program.no_growth", key=strategy, value=value, limit=tables))
     if fits_whole_milliseconds(command, job.lobe_frequency_hz):
         return
     slower_rpm = math.floor(job.spindle_speed_rpm)

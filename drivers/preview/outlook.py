@@ -90,7 +90,7 @@ def outlook(
     inverted = path_response(inverting, machine) if response is None else response
     command = nominal_command(job, machine, inverting, inverted) if path is None else path.command
     frequency_hz = job.lobe_frequency_hz
-    need = drive_need(machine, command.amplitude_um, frequency_hz)
+    need = drive_need(machine, command.largest_um, frequency_hz)
     return Outlook(
         job=job,
         machine=machine,

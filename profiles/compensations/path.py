@@ -21,6 +21,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats, floats
@@ -61,12 +62,41 @@ class PathHarmonic:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AlongCut:
+    """How a path changes along the cut: polynomials in s, half lengths past its middle towards the jaws.
+
+    The amplitude of an order n of `orders` is 1 + c1 s + c2 s^2 + ... of that in the middle; other orders do not
+    change. The mean is further in by m1 s + m2 s^2 + ... um. s is -1 where the cut begins, and 1 where it ends.
+    """
+
+    half_length_mm: float = 1.0
+    orders: tuple[tuple[int, tuple[float, ...]], ...] = ()
+    mean_um: tuple[float, ...] = ()
+
+    def powers(self, order: int) -> tuple[float, ...]:
+        """Return c1, c2, ... of an order."""
+        return dict(self.orders).get(order, ())
+
+    def factor(self, order: int, past_middle_mm: ArrayLike) -> Floats:
+        """Return the amplitude of an order over that in the middle, in the shape of `past_middle_mm`."""
+        return floats(polyval(floats(past_middle_mm) / self.half_length_mm, (1.0, *self.powers(order))))
+
+    def further_um(self, past_middle_mm: ArrayLike) -> Floats:
+        """Return by how much the mean is further in than in the middle, in the shape of `past_middle_mm`."""
+        return floats(polyval(floats(past_middle_mm) / self.half_length_mm, (0.0, *self.mean_um)))
+
+    def largest(self, order: int) -> float:
+        """Return the largest amplitude of an order along the cut, over that in the middle."""
+        return float(np.abs(self.factor(order, self.half_length_mm * np.linspace(-1.0, 1.0, 41))).max())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LobedPath:
     """mean + amplitude cos(lobes (angle - phase)) + overtones, by the angle of the spindle.
 
-    Order `lobes`, with a maximum at `phase_deg`, is the lobe itself; `overtones` have other orders. All
-    grow by the fraction `growth_per_mm` with each mm from the middle of the cut towards the jaws. `push_um` is how
-    far the force of the cut pushes the tool out at first, for which a command makes up until the loop has.
+    Order `lobes`, with a maximum at `phase_deg`, is the lobe itself; `overtones` have other orders. All are those
+    in the middle of the cut, and elsewhere as `along` has it. `push_um` is how far the force of the cut pushes the
+    tool out at first, for which a command makes up until the loop has.
     """
 
     mean_um: float
@@ -74,7 +104,7 @@ class LobedPath:
     lobes: int
     phase_deg: float
     overtones: tuple[PathHarmonic, ...] = ()
-    growth_per_mm: float = 0.0
+    along: AlongCut = AlongCut()
     push_um: float = 0.0
 
     @property
@@ -83,13 +113,17 @@ class LobedPath:
         lobe = PathHarmonic(lobes=self.lobes, amplitude_um=self.amplitude_um, phase_deg=self.phase_deg)
         return (lobe, *self.overtones)
 
+    @property
+    def largest_um(self) -> float:
+        """The amplitude of the lobe where along the cut it is largest."""
+        return self.amplitude_um * self.along.largest(self.lobes)
+
     def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> Floats:
         """Return the values at spindle angles, past the middle of the cut; in the shape of `angle_deg`."""
-        harmonics = np.zeros(np.shape(angle_deg), dtype=np.float64)
+        path_um = self.mean_um + self.along.further_um(past_middle_mm)
         for harmonic in self.harmonics:
-            harmonics += harmonic.at_um(angle_deg)
-        grown = 1.0 + self.growth_per_mm * floats(past_middle_mm)
-        return floats(self.mean_um + grown * harmonics)
+            path_um = path_um + self.along.factor(harmonic.lobes, past_middle_mm) * harmonic.at_um(angle_deg)
+        return floats(path_um)
 
     def turn_by(self, by_deg: float) -> LobedPath:
         """Return the path so many degrees of spindle further on, for a chuck mounted so much further.
@@ -111,7 +145,7 @@ class LobedPath:
             lobes=self.lobes,
             phase_deg=lobe.phase_deg if lobe.amplitude_um else self.phase_deg,
             overtones=tuple(PathHarmonic.from_coefficient(n, sums[n]) for n in sorted(sums)),
-            growth_per_mm=self.growth_per_mm,
+            along=self.along,
             push_um=self.push_um,
         )
 
@@ -168,7 +202,6 @@ def free_state_lobe(job: Job) -> LobedPath:
         amplitude_um=job.lobe_amplitude_um,
         lobes=job.jaws,
         phase_deg=job.lobe_phase_deg,
-        growth_per_mm=(job.lobe_growth_percent_per_mm or 0.0) / 100.0,
     )
 
 
@@ -338,7 +371,4 @@ def _shape(path: LobedPath, job_wants: LobedPath) -> tuple[Problem, ...]:
                 limit=f"1 to {MOST_HARMONICS}",
             ),
         )
-    if path.growth_per_mm != job_wants.growth_per_mm:
-        value, limit = f"{100 * path.growth_per_mm:g} %/mm", f"{100 * job_wants.growth_per_mm:g} %/mm"
-        return (Problem(code="path.harmonics", key="growth", value=value, limit=limit),)
     return ()

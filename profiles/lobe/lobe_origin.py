@@ -12,15 +12,13 @@ from profiles.problem import ProfileError
 
 MODEL = "model"
 _VALUES = ("lobe_error_um_pp", "lobe_phase_deg", "lobe_error_source", "lobe_past_jaw_deg")
-_OF_LOBE = (*_VALUES, "lobe_growth_percent_per_mm", *CONDITIONS, *NAMES)
+_OF_LOBE = (*_VALUES, *CONDITIONS, *NAMES)
 _UM_DIGITS, _DEG_DIGITS = 3, 3  # a job file is for people; a nanometre is beyond any model
 
 
 def without_lobe(job: Job) -> Job:
     """Return the job with no lobe known yet; jaw 1 stays where it is."""
-    unset: dict[str, Any] = {
-        key: None for key in (*CONDITIONS, *NAMES, "lobe_past_jaw_deg", "lobe_growth_percent_per_mm")
-    }
+    unset: dict[str, Any] = {key: None for key in (*CONDITIONS, *NAMES, "lobe_past_jaw_deg")}
     assumed = tuple(key for key in job.assumed if key not in _OF_LOBE or key == "lobe_phase_deg")
     return replace(
         job,

@@ -28,6 +28,7 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.program_constants import find_assigned_variables
 from drivers.pmac.witness import CONSTANTS, Witness, WitnessReport
 from profiles.arrays import Floats, floats
+from profiles.compensations.path import AlongCut
 from profiles.problem import Problem, ProblemError
 from profiles.store import load_job
 from tests.console.floor import known
@@ -141,12 +142,13 @@ def verdict(
         at_s = number * POLL_S
         turn = at_s / TURN_S
         z = setup.carriage_start + turn * setup.carriage_per_turn
+        past_mm = (z - setup.carriage_middle) / MACHINE.carriage.counts_per_mm
         wave = np.exp(2j * np.pi * order * turn)
-        commanded_um = plan(strategy).command.at_um(360.0 * (turn - late_turns)) + (command * wave).real
+        commanded_um = plan(strategy).command.at_um(360.0 * (turn - late_turns), past_mm) + (command * wave).real
         commanded_um += brief_um * (20.0 < turn < 21.0)
         late = bool(late_um) and number == 80
         off_um = (tool * wave).real + deeper_um + late * late_um + chance.normal(0.0, scatter_um)
-        tool_um = plan(strategy).target.at_um(360.0 * turn) + off_um
+        tool_um = plan(strategy).target.at_um(360.0 * turn, past_mm) + off_um
         at, asked = setup.surface + float(tool_um) * per_um, setup.surface + float(commanded_um) * per_um
         ahead = uneven_deg / 360.0 * np.sin(4.0 * np.pi * turn)
         spindle = ((from_turn + turn + ahead) * setup.counts_per_turn, -ahead * setup.counts_per_turn)
@@ -293,7 +295,7 @@ def test_the_record_counts_time_and_turns_from_the_first_poll_and_has_the_speed_
 def test_the_record_has_the_error_of_a_tool_whose_lobe_grows_along_the_part(past_mm: float) -> None:
     """A tenth a millimetre: on its path 1.2 mm behind the middle it is in by 12 % more of its lobe."""
     planned = plan(Strategy.CAM)
-    grown = replace(planned, target=replace(planned.target, growth_per_mm=0.1))
+    grown = replace(planned, target=replace(planned.target, along=AlongCut(orders=((3, (0.1,)),))))
     mean_um, lobe_um = grown.target.mean_um, grown.target.amplitude_um
     crest_turns = max((k / 360.0 for k in range(120)), key=lambda each: planned.target.at_um(360.0 * each))
     infeed_um = mean_um + (1.0 + 0.1 * past_mm) * lobe_um + 2.5

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.simulator.plant.true_parameters import TrueParameters, as_simulated
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import RoundnessResult, evaluate
@@ -63,6 +63,7 @@ class CutFloor:
         *,
         trimmed: bool = False,
     ) -> None:
+        machine = as_simulated(machine, true)
         self.job, self.machine = job, machine
         self.plan: CutPlan = plan_cut(job, machine, strategy, watchdog=watchdog, trimmed=trimmed)
         sim = SimulatedLathe(machine, beside_home(machine, true), DIALECTS[machine.controller.family])

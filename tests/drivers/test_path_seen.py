@@ -28,6 +28,7 @@ from drivers.lathe.guards import (
 from drivers.lathe.held_positions import HeldPositions
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
+from profiles.compensations.path import AlongCut
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
@@ -72,7 +73,7 @@ def found(
     The part pushes the tool off by `entry_um` where it begins, and the loop takes that back over four turns.
     """
     setup, chance = plan().setup, np.random.default_rng(1)
-    planned = replace(plan(), target=replace(plan().target, growth_per_mm=growth_per_mm))
+    planned = replace(plan(), target=replace(plan().target, along=AlongCut(orders=((3, (growth_per_mm,)),))))
     seen = PathSeen(planned, MACHINE)
     for number in range(int(setup.whole_turns * TURN_S / poll_s)):
         at_s = number * poll_s

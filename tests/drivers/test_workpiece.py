@@ -13,7 +13,7 @@ from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.tip_load import ALUMINIUM, CELLS, Stock, TipGeometry, TipLoad
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
-from drivers.simulator.plant.workpiece import Blank, Workpiece
+from drivers.simulator.plant.workpiece import Blank, LobeAlong, Workpiece
 from profiles.cutting import cutting_force
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
@@ -78,13 +78,14 @@ def test_a_land_leaves_no_place_uncut_and_blocks_of_samples_do_not_matter() -> N
     assert np.abs(deviation(workpiece)[1]).max() < 1e-6
 
 
-def test_a_lobe_grows_towards_the_jaws_and_an_uncut_part_is_high_at_them() -> None:
-    """5 % a mm: 0.9, 1 and 1.1 of 27.5 um at 98, 100 and 102 mm, all of it high at jaw 1."""
-    blank = Blank(radius_mm=RADIUS, lobe_um_pp=55, jaws=3, jaw_1_deg=20, growth_per_mm=0.05, middle_mm=100.0)
+def test_each_order_has_its_own_height_along_the_part_and_an_uncut_part_is_high_at_the_jaws() -> None:
+    along = LobeAlong(z_mm=np.array([98.0, 102.0]), values={3: np.array([0.9, 1.1]), 2: np.array([1.0, 1.5])})
+    blank = Blank(radius_mm=RADIUS, lobe_um_pp=55, jaws=3, jaw_1_deg=20, oval_um=4.0, along=along, middle_mm=100.0)
     workpiece = Workpiece(blank, (98.0, 100.0, 102.0), land_mm=0.4)
-    for section, share in enumerate((0.9, 1.0, 1.1)):
+    for section, (lobe, oval) in enumerate(((0.9, 1.0), (1.0, 1.25), (1.1, 1.5))):
         angle, found = deviation(workpiece, section)
-        assert np.abs(found - 100 - share * 27.5 * np.cos(np.radians(3 * (angle - 20)))).max() < 1e-9
+        past = np.radians(angle - 20)
+        assert np.abs(found - 100 - lobe * 27.5 * np.cos(3 * past) - oval * 4.0 * np.cos(2 * past)).max() < 1e-9
     angle, found = deviation(part(lobe=55, jaw_1=20))
     target = 100 + 27.5 * np.cos(np.radians(3 * (angle - 20)))
     assert np.abs(found - target).max() < 1e-9

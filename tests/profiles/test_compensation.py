@@ -15,6 +15,7 @@ from profiles.axis.friction import held_back_um
 from profiles.compensations.learning import coefficient_of, next_trim_um
 from profiles.compensations.order_steps import RepeatHistory
 from profiles.compensations.path import (
+    AlongCut,
     CutPath,
     LobedPath,
     PathHarmonic,
@@ -170,7 +171,7 @@ def test_a_turned_path_has_at_the_turned_angle_what_it_had_before(
         lobes=3,
         phase_deg=lobe.phase_deg,
         overtones=tuple(others),
-        growth_per_mm=growth,
+        along=AlongCut(half_length_mm=10.0, orders=((3, (growth, 0.1)), (6, (0.2,))), mean_um=(5.0 * growth,)),
     )
     turned = path.turn_by(by_deg)
     before_um = path.at_um(TURN_DEG, past_middle_mm)
@@ -216,7 +217,6 @@ def test_what_learning_does_is_let_through() -> None:
         {"amplitude_um": 1000.0},
         {"phase_deg": 30.0},
         {"lobes": 4},
-        {"growth_per_mm": 0.5},
         {"overtones": (PathHarmonic(lobes=6, amplitude_um=100.0, phase_deg=0.0),)},
         {"overtones": (PathHarmonic(lobes=3, amplitude_um=100.0, phase_deg=0.0),)},
         {"mean_um": float("nan")},

@@ -7,7 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from console.cli.arguments import DEFAULT_PLANT, INDICATOR
-from console.cli.library import data_of, job_of, known_lathe, lathe_parts_of, machine_of, true_parameters_of
+from console.cli.library import (
+    along_as_there,
+    data_of,
+    job_of,
+    known_lathe,
+    lathe_parts_of,
+    machine_of,
+    true_parameters_of,
+)
 from console.cli.measured.fingerprint_source import requested_fingerprint
 from console.session.cut.run import RunPlan, plan_run
 from console.session.cut.simulated_parts import LatheParts
@@ -85,8 +93,9 @@ class RunRequest:
 def plan_request(options: Namespace) -> RunRequest:
     """Load and plan what the command line requests; nothing is opened."""
     job, loaded = job_of(options), apply_calibrations(machine_of(options), data_of(options))
+    address, true, lathe = _place(options, loaded.machine)
+    loaded = along_as_there(loaded, address, true)
     machine = loaded.machine
-    address, true, lathe = _place(options, machine)
     simulated = address is None or isinstance(address, SimulatedAddress)
     asked = asked_for(job, loaded, options.strategy, simulated=simulated, lathe=lathe)
     known = () if options.compensation == NONE else versions(data_of(options), asked)

@@ -109,7 +109,7 @@ def judge_force_window(batch: Batch, plan: CutPlan, job: Job, machine: MachinePr
     """Return what a gathered half-stage cut says of sign and angle."""
     lobe = plan.target.harmonics[0]
     past_mm = (plan.setup.carriage_face - plan.setup.carriage_middle) / machine.carriage.counts_per_mm
-    grown = 1.0 + plan.target.growth_per_mm * past_mm
+    grown = float(plan.target.along.factor(lobe.lobes, past_mm))
     record = ForceRecord(
         angle_deg=batch.angle_deg, infeed_um=batch.infeed_um, thrust_n=batch.thrust_n, face_deg=batch.face_deg
     )

@@ -197,5 +197,5 @@ def _describe_cut(snapshot: Snapshot, plan: CutPlan, job: Job, machine: MachineP
         turn=z_mm / job.feed_mm_per_rev,
         turns=job.cut_length_mm / job.feed_mm_per_rev,
         left_s=(job.cut_length_mm - z_mm) / per_s if per_s else 0.0,
-        tool_error_um=infeed_um - float(plan.target.at_um(angle_deg)),
+        tool_error_um=infeed_um - float(plan.target.at_um(angle_deg, z_mm - 0.5 * job.cut_length_mm)),
     )

@@ -18,7 +18,7 @@ from drivers.cutting.strategy import Strategy
 from drivers.identification.nominal import nominal_response
 from drivers.lathe.heartbeat import cut_condition
 from drivers.lathe.snapshot import Snapshot
-from drivers.simulator.plant.true_parameters import TrueParameters, ideal
+from drivers.simulator.plant.true_parameters import TrueParameters, as_simulated, ideal
 from profiles.compensations.learning import fit_harmonics, learned_command
 from profiles.compensations.path import CutPath, LobedPath
 from profiles.cutting import cutting_force
@@ -53,7 +53,7 @@ class Bench:
 
     def __init__(self, machine: MachineProfile, true: TrueParameters | None = None) -> None:
         """Take `true`, the actual hardware; None for one as its profile says."""
-        self.machine = machine
+        self.machine = machine = as_simulated(machine, true)
         self._context, self._simulated = simulated_context(machine, true)
         self.lathe = self._context.lathe
         self._homed = False

@@ -392,7 +392,9 @@ class CutTracker:
     ) -> CutProgress:
         angle_deg = 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
         infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
-        target_um = float(self._plan.target.at_um(angle_deg))
+        past = snapshot.carriage.position - self._plan.setup.carriage_middle
+        past_mm = past / self._machine.carriage.counts_per_mm
+        target_um = float(self._plan.target.at_um(angle_deg, past_mm))
         error_um = infeed_um - target_um
         # A hold retracts the tool while the carriage is still over the part: what it leaves is not judged.
         self._held = self._held or (holding and telemetry.is_leaving(error_um, self._peak_um))

@@ -22,7 +22,7 @@ from console.session.data.calibrated_chuck import apply_calibrations
 from console.session.data.kept_files import jobs_folder, machines_folder
 from drivers.cutting.strategy import Strategy
 from drivers.simulator.plant.presets import plant_named
-from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.simulator.plant.true_parameters import TrueParameters, as_simulated
 from drivers.simulator.plant.which_lathe import MOUNTED
 from profiles.fields import Field, FieldType, fault, read_fields, schema_problem, spell_toml
 from profiles.files import printable, read_toml
@@ -247,7 +247,7 @@ def cells(study: Study, data: Path, beside: Path) -> Iterator[Cell]:
                 raise ProblemError(Problem(code="study.mounted", value=plant))
             profile = machine_named(machine)
             true = plant_named(_resolve_path(plant, beside), profile, seed, study.clamping_sd_percent)
-            yield replace(bare, job=job_named(job), machine=profile, true=true)
+            yield replace(bare, job=job_named(job), machine=as_simulated(profile, true), true=true)
         except ProblemError as error:
             yield replace(bare, problems=tuple(error.problems))
 

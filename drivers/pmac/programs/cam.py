@@ -17,6 +17,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
 from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
@@ -46,6 +47,7 @@ MOST_LOOKS = 25
 
 COMPENSATION = 69  # M-variable of a motor, Mx69, that the manuals suggest for its correction register
 CHORD_LIMIT_UM = 0.05  # Permitted deviation of the linear interpolation from the sinusoid
+ROW_LIMIT_UM = 0.1  # Permitted deviation of the linear interpolation from row to row
 ROW_MM = 10.0  # Approximate Z distance over which the amplitude grows
 ROWS_IN_FRONT = 2  # Least number of row spacings before the part: one of zeros, one in which the amplitude grows
 LEAST_ROW_MM = 0.5  # A shorter spacing leaves no place to stand in the row of zeros
@@ -92,7 +94,7 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Ca
     Raises ProblemError: `program.no_zero_row`, there is no room before the part.
     """
     columns, per_mm = column_count(command), machine.carriage.counts_per_mm
-    spacing, front, full, rows = _rows(machine, setup)
+    spacing, front, full, rows = _rows(machine, setup, command)
     definition = TableDefinition(
         motor=machine.tool.motor,
         sources=(
@@ -103,17 +105,16 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Ca
         columns=columns,
         rows=rows,
     )
-    wave = _corners_um(command, columns) / setup.tool_count_um
-    held = float(wave[0])
-    gain = np.zeros(rows + 1)
-    places = spacing * np.arange(front, full + 1)
-    gain[front : full + 1] = 1.0 + command.growth_per_mm * (places - setup.carriage_middle) / per_mm
+    past_mm = (spacing * np.arange(front, full + 1) - setup.carriage_middle) / per_mm
+    held = float(_corners_um(command, columns, 0.0)[0])
+    added = np.zeros((rows + 1, columns + 1))
     # The program adds a constant; a row with harmonics of another amplitude has the difference.
-    whole = (gain > 0.0).astype(float)
-    entries = np.rint(PARTS_PER_COUNT * (np.outer(gain, wave) - held * whole[:, None])).astype(int).ravel()
+    for row, place_mm in enumerate(past_mm.tolist(), start=front):
+        added[row] = _corners_um(command, columns, place_mm) + command.along.further_um(place_mm) - held
+    entries = np.rint(PARTS_PER_COUNT * added / setup.tool_count_um).astype(int).ravel()
     return Cam(
         table=definition.fill_table([int(entry) for entry in entries[1:]]),
-        mean=setup.surface + command.mean_um / setup.tool_count_um + held,
+        mean=setup.surface + (command.mean_um + held) / setup.tool_count_um,
         zero_z=(front - 1) * spacing - INSIDE_MM * per_mm,
         full_z=front * spacing,
         chord_error_um=_chord_error_um(command, columns),
@@ -131,25 +132,43 @@ def column_count(command: LobedPath) -> int:
 
 
 def _chord_error_um(command: LobedPath, columns: int) -> float:
-    return sum(wave.amplitude_um * chord_error(columns / wave.lobes) for wave in command.harmonics)
+    return sum(
+        wave.amplitude_um * command.along.largest(wave.lobes) * chord_error(columns / wave.lobes)
+        for wave in command.harmonics
+    )
 
 
-def _corners_um(command: LobedPath, columns: int) -> NDArray[np.float64]:
+def _corners_um(command: LobedPath, columns: int, past_mm: float) -> NDArray[np.float64]:
     """Return the harmonics at the columns of a turn, both ends included, scaled up to compensate the chords."""
     angle_deg = 360.0 * np.arange(columns + 1) / columns
     corners = np.zeros(columns + 1)
     for wave in command.harmonics:
-        corners += chord_scale(columns / wave.lobes) * wave.at_um(angle_deg)
+        scale = chord_scale(columns / wave.lobes) * command.along.factor(wave.lobes, past_mm)
+        corners += scale * wave.at_um(angle_deg)
     return corners
 
 
-def _rows(machine: MachineProfile, setup: CutSetup) -> tuple[int, int, int, int]:
+def _row_mm(command: LobedPath) -> float:
+    """Return the distance of rows between which straight lines are `ROW_LIMIT_UM` off the change along the cut.
+
+    Over a distance d that is d^2 f'' / 8.
+    """
+    along, s = command.along, np.linspace(-1.0, 1.0, 41)
+    bent_um = np.abs(polyval(s, polyder((0.0, *along.mean_um), 2)))
+    for wave in command.harmonics:
+        bent_um += wave.amplitude_um * np.abs(polyval(s, polyder((1.0, *along.powers(wave.lobes)), 2)))
+    most_um = float(bent_um.max())
+    return along.half_length_mm * math.sqrt(8.0 * ROW_LIMIT_UM / most_um) if most_um else math.inf
+
+
+def _rows(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> tuple[int, int, int, int]:
     """Return the spacing in counts, the first and the last row of full amplitude, and the number of spacings.
 
     Raises ProblemError: `program.no_zero_row`.
     """
     carriage = machine.carriage
-    front = max(ROWS_IN_FRONT, round(setup.carriage_start / (ROW_MM * carriage.counts_per_mm)))
+    row_mm = min(ROW_MM, _row_mm(command))
+    front = max(ROWS_IN_FRONT, math.ceil(setup.carriage_start / (row_mm * carriage.counts_per_mm) - 0.5))
     spacing = math.floor(setup.carriage_start / front)
     least = LEAST_ROW_MM * carriage.counts_per_mm
     if spacing < least:

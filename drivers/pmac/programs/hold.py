@@ -90,7 +90,7 @@ The last move stands alone: after it the program goes back, and two ways back wi
 """
 
 ENTER_ON_PATH = """\
-PVT{segment}
+{along@in}PVT{segment}
 P34=0
 WHILE(P34<{hold_out})
 P34=P34+1

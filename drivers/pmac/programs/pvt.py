@@ -24,6 +24,7 @@ import numpy as np
 
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs import hold
+from drivers.pmac.programs.along import with_along
 from drivers.pmac.programs.push import with_push
 from drivers.pmac.programs.setup import CutSetup, cut_values, refuse_endless
 from profiles.compensations.path import LobedPath
@@ -32,7 +33,7 @@ from profiles.job import Job
 SPINDLE_STEP = " Y(P28+P16*P25):(P17)"  # The statement that moves the spindle in a segment
 
 _ON_PATH = """\
-{push@P25-P24-P49}\
+{along@P25-P24-P49}{push@P25-P24-P49}\
 P27=P14+P56+P13*P25
 X(P11{lifted}{pushed}+P12*P55*COS(P27)):(-P15*P55*SIN(P27)){y} Z(P21+P18*(P25-P24-P49)):(P19)
 """
@@ -82,7 +83,7 @@ def live_trim_line(gain_percent: float, phase_deg: float, lobes: int) -> str:
 
 LOBE_PATH = (
     """\
-PVT{segment} ; the amplitude grows
+{along@0}PVT{segment} ; the amplitude grows
 P25=0 P45=0
 WHILE(P25<P24)
 P25=P25+1 P45=P45+1
@@ -169,7 +170,7 @@ P23={turns} ; turns of the cut
 P24={ramp} ; segments in which the amplitude grows
 P28=P22+{before} ; spindle at the first segment
 P32={turn} ; segments in one turn
-{push_values}{end_marks}CLOSE
+{along_values}{push_values}{end_marks}CLOSE
 OPEN PROG {program}
 CLEAR
 ABS
@@ -244,13 +245,13 @@ def _step_rad(frequency_hz: float, segment_ms: float) -> float:
 
 def fits_whole_milliseconds(command: LobedPath, frequency_hz: float) -> bool:
     """Whether segments of 1 ms, the shortest possible, keep within the interpolation error limit."""
-    return interpolation_error_um(command.amplitude_um, frequency_hz, 1.0) < INTERPOLATION_LIMIT_UM
+    return interpolation_error_um(command.largest_um, frequency_hz, 1.0) < INTERPOLATION_LIMIT_UM
 
 
 def longest_segment_ms(command: LobedPath, frequency_hz: float) -> int:
     """Return the longest segment that keeps well within the interpolation error limit, at least 1 ms."""
     for segment_ms in range(LONGEST_SEGMENT_MS, 1, -1):
-        if interpolation_error_um(command.amplitude_um, frequency_hz, segment_ms) < 0.5 * INTERPOLATION_LIMIT_UM:
+        if interpolation_error_um(command.largest_um, frequency_hz, segment_ms) < 0.5 * INTERPOLATION_LIMIT_UM:
             return segment_ms
     return 1
 
@@ -301,7 +302,8 @@ def pvt_program(job: Job, setup: CutSetup, command: LobedPath) -> str:
         "half": HALF_RUN_UP_MS,
         "program": PROGRAM_NUMBER,
     }
-    text = with_push(_TEXT + RUN_UP + LOBE_PATH + _AT_REST, job, setup, command.push_um, timing.segment_ms)
+    text = with_along(_TEXT + RUN_UP + LOBE_PATH + _AT_REST, command, setup, job, timing.segment_ms)
+    text = with_push(text, job, setup, command.push_um, timing.segment_ms)
     return text.format(**values)
 
 
@@ -313,7 +315,7 @@ def path_values(
     first_turns = first_spindle / setup.counts_per_turn
     amplitude = command.amplitude_um / setup.tool_count_um
     scales = point_scales(_step_rad(job.lobe_frequency_hz, timing.segment_ms))
-    error_um = interpolation_error_um(command.amplitude_um, job.lobe_frequency_hz, timing.segment_ms)
+    error_um = interpolation_error_um(command.largest_um, job.lobe_frequency_hz, timing.segment_ms)
     lobe_deg = 360.0 * command.lobes
     number = format_number
     return {

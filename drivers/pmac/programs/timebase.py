@@ -22,6 +22,7 @@ from drivers.pmac.master.time_base import (
     nearest_factor,
     real_time_counts_per_ms,
 )
+from drivers.pmac.programs.along import with_along
 from drivers.pmac.programs.push import with_push
 from drivers.pmac.programs.pvt import LOBE_PATH, path_values, pvt_timing
 from drivers.pmac.programs.setup import SERVO, CutSetup
@@ -110,6 +111,7 @@ def timebase_program(
     text = (
         head + LOBE_PATH + _END + (_SPINDLE_DOWN if turned else "") + "IF(P45=P25 AND P26=1) P44=1\nENDIF\nCLOSE\n"
     )
+    text = with_along(text, command, setup, programmed, timing.segment_ms)
     return with_push(text, programmed, setup, command.push_um, timing.segment_ms).format(**values)
 
 
@@ -190,7 +192,7 @@ P21={z} ; carriage clear of the part
 P23={turns} ; turns of the cut
 P24={ramp} ; segments in which the amplitude grows
 P32={turn} ; segments in one turn
-{push_values}{end_marks}CLOSE
+{along_values}{push_values}{end_marks}CLOSE
 OPEN PROG {program}
 CLEAR
 ABS

@@ -77,9 +77,8 @@ PLANT_FIELDS = (
     Field(key="lobe_error_um_pp", table="chuck", unit="um", at_least=0.0, at_most=1000.0, optional=True),
     Field(key="lobe_force_n", table="chuck", unit="N", above=0.0, at_most=100_000.0, optional=True),
     Field(key="lobe_past_jaw_deg", table="chuck", unit="deg", at_least=-180.0, at_most=180.0, optional=True),
-    Field(
-        key="lobe_growth_percent_per_mm", table="chuck", unit="%/mm", at_least=-20.0, at_most=20.0, optional=True
-    ),
+    Field(key="jaw_stiffness", table="chuck", above=0.0, at_most=1e6, optional=True),
+    _amount("jaw_open_fraction", "chuck", "", 0.5),
     Field(key="lobe_turned_deg", table="chuck", unit="deg", default=0.0, at_least=-180.0, at_most=180.0),
     _amount("overtone_factor", "chuck", "", 10.0),
     _amount("clamping_sd_percent", "chuck", "%", 50.0),
@@ -263,7 +262,6 @@ _RENAMED = {
 _PERCENT = {
     "speed_ripple_percent": "speed_ripple",
     "clamping_sd_percent": "clamping_force_spread",
-    "lobe_growth_percent_per_mm": "lobe_growth_per_mm",
     "finger_tight_percent": "finger_force_fraction",
     "finger_tight_sd_percent": "finger_force_spread",
 }

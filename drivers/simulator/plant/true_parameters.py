@@ -10,13 +10,17 @@ import math
 from dataclasses import dataclass, field, replace
 from random import Random
 
+import numpy as np
+
 from drivers.lathe_placement import LathePlacement
+from drivers.simulator.plant.clamped_shell import ClampedShell
+from drivers.simulator.plant.tip_load import material_of
 from drivers.simulator.plant.which_lathe import IDEAL, WhichLathe
-from drivers.simulator.plant.workpiece import ROUND, Blank, BlankForm, CutProcess
+from drivers.simulator.plant.workpiece import OVAL, ROUND, Blank, BlankForm, CutProcess, LobeAlong
 from profiles.axis.notch import SignConvention
 from profiles.chucking.grip import loss_n
 from profiles.job import Job
-from profiles.machine import Carriage, MachineProfile, ToolAxis
+from profiles.machine import ONE_LOBE, Carriage, MachineProfile, ToolAxis
 
 THIN_WALL = 0.2  # wall over radius below which a part bends as a ring
 TIP_OFF_BY_UM = 300  # deviation of the tip from its nominal radius for a tool that was clamped by hand
@@ -30,7 +34,9 @@ BEYOND_TRAVEL_MM = 3.0  # distance of the mechanical stop of an axis beyond the 
 COAST_S = 1.5
 SPINDLE_FRICTION_N_M = 0.005  # of the bearings: without any it would creep for ever; half a count of lag
 JAW_STIFFNESS_N_PER_UM = 50.0  # radial stiffness of a jaw with its guide and its contact, a usual value
-OVAL = 2
+JAW_LENGTH_MM = 40.0  # along the axis, a usual value
+FEWEST_PLACES, PLACE_MM = 4, 2.0  # on each side of mid-cut, and between two, where the lobe is calculated
+LEAST_FRACTION = 0.02  # of the lobe at the jaws that mid-cut needs: near its change of sign any height fits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,8 +117,9 @@ class TrueParameters:
     warms up: it brings the tip further in, by `drift_um` in the end, of which 1 - exp(-n / `drift_parts`) after n
     parts.
 
-    The lobe grows by the fraction `lobe_growth_per_mm` with each mm past the middle of the cut, towards the jaws;
-    None is the job's value.
+    Along Z the part is a shell in jaws of `jaw_length_mm` whose surface is `jaw_stiffness` times as stiff as the
+    wall, and which press in `jaw_open_fraction` less at their faces (`ClampedShell`); it bends as a beam, too.
+    None is a part with one lobe along Z, which does not bend.
 
     An `ideal_spindle` is at its commanded position; another has inertia, torque, drag and friction. Its encoder
     makes `belt_ratio` turns for one of the spindle: not 1 when it sits on the motor. `slip_rpm` and
@@ -185,7 +192,9 @@ class TrueParameters:
     blank_pressed: float = 0.0
     drift_um: float = 0.0
     drift_parts: float = 5.0
-    lobe_growth_per_mm: float | None = None
+    jaw_length_mm: float = JAW_LENGTH_MM
+    jaw_stiffness: float | None = None
+    jaw_open_fraction: float = 0.0
     jaw_offset_deg: float = 0.0
     jaw_1_deg: float | None = None
     jaw_1_harder: float = 0.0
@@ -290,6 +299,8 @@ class TrueParameters:
             shift_um=jaws.shift_um,
             oval_um=jaws.oval_fraction * 0.5 * lobe_um_pp,
             pressed_in=self.blank_pressed * _before_cut(job) if self.blank_pressed else 0.0,
+            along=self.lobe_along(job),
+            middle_mm=self.jaw_face_mm - job.overhang_mm + 0.5 * job.cut_length_mm,
         )
 
     def press_blank(self, job: Job, force_factor: float) -> Blank:
@@ -317,7 +328,7 @@ class TrueParameters:
         """Return the remaining chucking force at speed, N over all jaws; below 0 nothing holds the part."""
         return force_n - loss_n(jaws * self.jaw_mass_radius_kg_m, spindle_speed_rpm)
 
-    def process(self, blank: Blank, n_per_mm: float) -> CutProcess:
+    def process(self, job: Job, blank: Blank, n_per_mm: float) -> CutProcess:
         """Return how a clamped blank is cut, with `n_per_mm` of passive force per mm of depth."""
         return CutProcess(
             jaws=blank.jaws,
@@ -325,6 +336,8 @@ class TrueParameters:
             gain=self.process_gain,
             compliance_mm_per_n=self.work_compliance_um_per_n / 1000.0,
             softer_between=self.softer_between_jaws,
+            beam_per_n_mm2=self.beam_per_n_mm2(job),
+            jaw_face_mm=self.jaw_face_mm,
             n_per_mm=n_per_mm,
         )
 
@@ -343,10 +356,42 @@ class TrueParameters:
         """Return how much further in the warm machine has brought the tip after so many parts."""
         return self.drift_um / 1000.0 * -math.expm1(-parts / self.drift_parts)
 
-    def growth_per_mm(self, job: Job) -> float:
-        """Return the fraction by which the lobe of a job grows with each mm towards the jaws."""
-        said = (job.lobe_growth_percent_per_mm or 0.0) / 100.0
-        return said if self.lobe_growth_per_mm is None else self.lobe_growth_per_mm
+    def lobe_along(self, job: Job) -> LobeAlong | None:
+        """Return how the lobe changes along the part; None of one lobe along Z, or where mid-cut has none."""
+        wall_mm, lobes = job.wall_thickness_mm, job.jaws
+        if self.jaw_stiffness is None or wall_mm / job.radius_mm >= THIN_WALL:
+            return None
+        shell = ClampedShell(
+            radius_mm=job.radius_mm - wall_mm / 2.0,
+            wall_mm=wall_mm,
+            grip_mm=self.jaw_length_mm,
+            overhang_mm=job.overhang_mm,
+            poisson=material_of(job).poisson,
+            jaw_stiffness=self.jaw_stiffness,
+            open_fraction=self.jaw_open_fraction,
+        )
+        harmonics = (lobes, 2 * lobes, *({OVAL} - {lobes}))
+        length_mm = min(job.cut_length_mm, job.overhang_mm)
+        places = 2 * max(FEWEST_PLACES, math.ceil(length_mm / PLACE_MM / 2.0)) + 1
+        z_mm = np.linspace(job.overhang_mm, job.overhang_mm - length_mm, places)
+        bent = [shell.pressed(harmonics, job.depth_of_cut_mm, float(z)) for z in z_mm]
+        w = np.array(
+            [[np.interp(z, each.z_mm, row) for row in each.w] for z, each in zip(z_mm, bent, strict=True)]
+        )
+        middle, at_jaws = w[places // 2, 0], np.interp(0.0, bent[0].z_mm, bent[0].w[0])
+        if abs(middle) < LEAST_FRACTION * abs(at_jaws):
+            return None
+        of_ring = ((np.square(harmonics) - 1.0) / (lobes**2 - 1.0)) ** 2
+        values = w / middle * of_ring
+        return LobeAlong(z_mm=self.jaw_face_mm - z_mm, values=dict(zip(harmonics, values.T, strict=True)))
+
+    def beam_per_n_mm2(self, job: Job) -> float:
+        """Return 1 / (3 E I) of the part, which bends by that times the cube of its length; 0 is none."""
+        if self.jaw_stiffness is None:
+            return 0.0
+        bore_mm = 2.0 * (job.radius_mm - job.wall_thickness_mm)
+        second_mm4 = math.pi / 64.0 * (job.diameter_mm**4 - bore_mm**4)
+        return 1.0 / (3.0 * material_of(job).youngs_modulus_n_per_mm2 * second_mm4)
 
     def force_factor(self, random: Random) -> float:
         """Draw the force of a clamping, relative to the specified one: log-normal, so it is never 0."""
@@ -363,6 +408,7 @@ def ideal(machine: MachineProfile) -> TrueParameters:
         peak_command_v=tool.peak_current_a / tool.amplifier_gain_a_per_v,
         home_radius_mm=tool.home_radius_mm,
         jaw_face_mm=machine.carriage.jaw_face_mm,
+        jaw_length_mm=machine.chuck.jaw_length_mm or JAW_LENGTH_MM,
         # The centre of mass of a jaw is assumed at its middle, and its inner end at the spindle axis.
         jaw_outer_radius_mm=2.0 * machine.chuck.jaw_radius_mm,
         jaw_mass_radius_kg_m=machine.chuck.jaw_mass_kg * machine.chuck.jaw_radius_mm / 1000.0,
@@ -373,6 +419,13 @@ def ideal(machine: MachineProfile) -> TrueParameters:
         slip_rpm=spindle.slip_rpm or 0.0,
         ramp_rpm_per_s=spindle.ramp_rpm_per_s or 0.0,
     )
+
+
+def as_simulated(machine: MachineProfile, true: TrueParameters | None) -> MachineProfile:
+    """Return the profile for a lathe of this process: with one lobe along Z where its parts have that."""
+    if true is not None and true.jaw_stiffness is not None:
+        return machine
+    return replace(machine, chuck=replace(machine.chuck, lobe_along=ONE_LOBE))
 
 
 def set_up_by_hand(true: TrueParameters, machine: MachineProfile, random: Random) -> TrueParameters:

@@ -12,7 +12,7 @@ motion of tip and work against each other about its mean, only the process gain 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from profiles.job import Job
 
 Floats = NDArray[np.float64]
+OVAL = 2
 ANGLES = 3600  # points of a section, equally spaced from the spindle index
 
 # Angles round the part at which it is roughly known all along; no spindle skips one of them in a servo cycle.
@@ -63,15 +64,30 @@ class BlankForm:
 ROUND = BlankForm()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LobeAlong:
+    """Each harmonic of a blank along Z while the tool is there, over what a ring has beside the lobe mid-cut.
+
+    `z_mm` are places of the machine, upwards, and so are the values of each harmonic.
+    """
+
+    z_mm: Floats
+    values: Mapping[int, Floats]
+
+    def at(self, harmonic: int, z_mm: float) -> float:
+        """Return the value of a harmonic at a Z; behind the cut it is that at its end."""
+        return float(np.interp(z_mm, self.z_mm, self.values[harmonic]))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blank:
     """The true shape of a clamped blank that was turned round before (see `TrueParameters.blank`).
 
     `lobe_um_pp` is the spring-back of the free part, high at the jaws or `lobe_past_jaw_deg` past them, and
     `jaw_1_deg` the spindle angle of jaw 1. Unequal jaws add `oval_um` twice a turn and `shift_um` once, both
-    amplitudes that are highest at jaw 1. All of it is that at the Z `middle_mm`; the lobe grows by the fraction
-    `growth_per_mm` with each mm from there towards the jaws, and its second harmonic, the fraction `overtone` of
-    it, with it. `form` is the shape of the surface that was never cut.
+    amplitudes that are highest at jaw 1. Its second harmonic is the fraction `overtone` of the lobe. All of it is
+    that at the Z `middle_mm`, and elsewhere as `along` has it; None is one lobe along Z. `form` is the shape of
+    the surface that was never cut.
 
     A blank that was round before it was clamped is pressed in where the part will spring back, by the fraction
     `pressed_in` of that; 0 is one that was turned round in these jaws.
@@ -84,7 +100,7 @@ class Blank:
     lobe_past_jaw_deg: float = 0.0
     shift_um: float = 0.0
     oval_um: float = 0.0
-    growth_per_mm: float = 0.0
+    along: LobeAlong | None = None
     middle_mm: float = 0.0
     overtone: float = 0.0
     form: BlankForm = ROUND
@@ -93,7 +109,8 @@ class Blank:
     @property
     def most_radius_mm(self) -> float:
         """A radius that no point of the surface exceeds."""
-        lobe_um = 0.5 * self.lobe_um_pp * (1.0 + self.overtone) + abs(self.oval_um) + abs(self.shift_um)
+        most = 1.0 if self.along is None else max(float(np.abs(each).max()) for each in self.along.values.values())
+        lobe_um = most * (0.5 * self.lobe_um_pp * (1.0 + self.overtone) + abs(self.oval_um)) + abs(self.shift_um)
         return self.radius_mm + self.form.most_mm + self.pressed_in * lobe_um / 1000.0
 
     def radius_at_mm(self, turns: float) -> float:
@@ -102,23 +119,31 @@ class Blank:
             return self.radius_mm
         return self.radius_mm + float(self.surface_mm(np.asarray(turns, dtype=np.float64)))
 
-    def surface_mm(self, turns: Floats) -> Floats:
-        """Return how much further out than its radius the clamped surface is before any cut, at these turns."""
+    def surface_mm(self, turns: Floats, z_mm: float | None = None) -> Floats:
+        """Return how much further out than its radius the clamped surface is before any cut, at these turns.
+
+        It is that at a Z of the machine, by default in the middle of the cut.
+        """
         own_mm = self.form.at_mm(turns)
         if not self.pressed_in:
             return own_mm
-        return own_mm - self.pressed_in / 1000.0 * self.spring_back_um(360.0 * turns, self.middle_mm)
+        there_mm = self.middle_mm if z_mm is None else z_mm
+        return own_mm - self.pressed_in / 1000.0 * self.spring_back_um(360.0 * turns, there_mm)
 
     def spring_back_um(self, angle_deg: Floats, z_mm: float) -> Floats:
         """Return how much further out the released surface is than the clamped one, at a Z of the machine."""
         past_jaw = np.radians(angle_deg - self.jaw_1_deg)
-        grown = 1.0 + self.growth_per_mm * (z_mm - self.middle_mm)
-        phase = self.jaws * (past_jaw - math.radians(self.lobe_past_jaw_deg))
-        lobe = grown * 0.5 * self.lobe_um_pp * np.cos(phase)
+        lobes, phase = self.jaws, self.jaws * (past_jaw - math.radians(self.lobe_past_jaw_deg))
+        half_um = 0.5 * self.lobe_um_pp
+        sprung = self._along(lobes, z_mm) * half_um * np.cos(phase)
         if self.overtone:
-            lobe = lobe + self.overtone * grown * 0.5 * self.lobe_um_pp * np.cos(2.0 * phase)
-        uneven = self.oval_um * np.cos(2.0 * past_jaw) + self.shift_um * np.cos(past_jaw)
-        return np.asarray(lobe + uneven, dtype=np.float64)
+            sprung = sprung + self._along(2 * lobes, z_mm) * self.overtone * half_um * np.cos(2.0 * phase)
+        if self.oval_um:
+            sprung = sprung + self._along(OVAL, z_mm) * self.oval_um * np.cos(2.0 * past_jaw)
+        return np.asarray(sprung + self.shift_um * np.cos(past_jaw), dtype=np.float64)
+
+    def _along(self, harmonic: int, z_mm: float) -> float:
+        return 1.0 if self.along is None else self.along.at(harmonic, z_mm)
 
     def expected_um(self, job: Job, angle_deg: Floats) -> Floats:
         """Return the lobe that its job expects, um outwards."""
@@ -131,8 +156,8 @@ class CutProcess:
     """How one clamped part is cut.
 
     `gain` is the fraction of the motion that arrives. The part gives way by `compliance_mm_per_n` in the mean, by
-    the fraction `softer_between` less at the jaws and more between them, to a passive force of `n_per_mm` for each
-    mm of depth.
+    the fraction `softer_between` less at the jaws and more between them, and bends by `beam_per_n_mm2` times the
+    cube of its length in front of `jaw_face_mm`, to a passive force of `n_per_mm` for each mm of depth.
     """
 
     jaws: int = 3
@@ -140,12 +165,14 @@ class CutProcess:
     gain: float = 1.0
     compliance_mm_per_n: float = 0.0
     softer_between: float = 0.0
+    beam_per_n_mm2: float = 0.0
+    jaw_face_mm: float = 0.0
     n_per_mm: float = 0.0
 
     @property
     def yields(self) -> bool:
         """Whether the part gives way to the cut."""
-        return self.compliance_mm_per_n * self.n_per_mm > 0.0
+        return (self.compliance_mm_per_n + self.beam_per_n_mm2) * self.n_per_mm > 0.0
 
     def compliance_at(self, turns: Floats) -> Floats:
         """Return the compliance before the tool, mm/N, at these turns of the spindle from its index."""
@@ -157,9 +184,10 @@ class CutProcess:
         """Return the compliance in so many places from the spindle index; nothing of a part that is rigid."""
         return tuple(self.compliance_at((np.arange(places) + 0.5) / places).tolist()) if self.yields else ()
 
-    def left_mm(self, turns: Floats, depth_mm: Floats) -> Floats:
+    def left_mm(self, turns: Floats, depth_mm: Floats, z_mm: float) -> Floats:
         """Return how much of the depth from the surface to the tip is not cut, because the part gives way."""
-        given = self.compliance_at(turns) * self.n_per_mm
+        bent = self.beam_per_n_mm2 * max(self.jaw_face_mm - z_mm, 0.0) ** 3
+        given = (self.compliance_at(turns) + bent) * self.n_per_mm
         return np.asarray(np.maximum(depth_mm, 0.0) * given / (1.0 + given), dtype=np.float64)
 
     def arrived_mm(self, radius_mm: Floats, cut: NDArray[np.bool_]) -> Floats:
@@ -188,11 +216,13 @@ class Workpiece:
         self._radius_mm = np.full((len(self._sections_mm), ANGLES), blank.radius_mm)
         self._rough_blank_mm = np.full(ROUGH_PLACES, blank.radius_mm)
         if blank.form is not ROUND or blank.pressed_in:
-            self._radius_mm += blank.surface_mm(np.arange(ANGLES) / ANGLES)
+            turns = np.arange(ANGLES) / ANGLES
+            for surface_mm, z_mm in zip(self._radius_mm, self._sections_mm, strict=True):
+                surface_mm += blank.surface_mm(turns, z_mm)
             self._rough_blank_mm += blank.surface_mm((np.arange(ROUGH_PLACES) + 0.5) / ROUGH_PLACES)
         # What was there before the tool came: of its depth a part that gives way leaves some.
-        self._blank_mm: Floats = self._radius_mm[0].copy()
-        self._before_mm = [self._blank_mm] * len(self._sections_mm)
+        self._blank_mm: Floats = self._radius_mm.copy()
+        self._before_mm = list(self._blank_mm)
         self._tail: Floats = np.empty((3, 0))
 
     def cut(
@@ -220,7 +250,7 @@ class Workpiece:
     def clamped_um(self, section: int, nominal_radius_mm: float) -> Floats:
         """Return the deviations (um, outward) of a section while it is clamped, from the spindle index on."""
         radius_mm = self._radius_mm[section]
-        arrived_mm = self._process.arrived_mm(radius_mm, radius_mm < self._blank_mm)
+        arrived_mm = self._process.arrived_mm(radius_mm, radius_mm < self._blank_mm[section])
         clamped_um: Floats = (arrived_mm - nominal_radius_mm) * 1000.0
         return clamped_um
 
@@ -241,7 +271,7 @@ class Workpiece:
         """
         blank, angle_deg = self.blank, np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
         tip_mm = job.finished_radius_mm - (blank.expected_um(job, angle_deg) + off_um) / 1000.0
-        tip_mm += self._process.left_mm(angle_deg / 360.0, self._blank_mm - tip_mm)
+        tip_mm += self._process.left_mm(angle_deg / 360.0, self._blank_mm[0] - tip_mm, blank.middle_mm)
         arrived_mm = self._process.arrived_mm(tip_mm, np.ones(ANGLES, dtype=np.bool_))
         left_mm = arrived_mm - job.finished_radius_mm
         return np.asarray(1000.0 * left_mm + blank.spring_back_um(angle_deg, blank.middle_mm), dtype=np.float64)
@@ -303,7 +333,8 @@ class Workpiece:
         radius = _cubic(radius_mm, index[inside], u[inside])
         places = np.mod(grid[inside], ANGLES)
         if self._process.yields:
-            radius += self._process.left_mm(places / ANGLES, self._before_mm[section][places] - radius)
+            depth_mm = self._before_mm[section][places] - radius
+            radius += self._process.left_mm(places / ANGLES, depth_mm, self._sections_mm[section])
         np.minimum.at(surface_mm, places, radius)
 
 

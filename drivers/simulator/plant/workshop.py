@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
+from itertools import chain, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,8 @@ from profiles.problem import ProfileError
 from profiles.roundness import evaluate
 from profiles.traces import Trace
 
-SECTIONS = (0.0, -0.4, 0.4)  # where the part is measured, cut lengths past its middle, towards the jaws
+SECTIONS = (0.0, *(side * each / 20 for each in range(1, 10) for side in (-1, 1)))
+"""Where the surface is kept, cut lengths past the middle of the cut, towards the jaws: over nine tenths of it."""
 MID_LENGTH = 0
 SAME_PLACE_MM = 1e-6
 LEAST_TIMES = 2  # how often a block that repeats itself is processed
@@ -271,18 +272,15 @@ class SimulatedWorkshop:
         self._pending, self._count, self._seen = [], 0, ()
         self._free_end_mm = true.jaw_face_mm - job.overhang_mm
         middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm
-        growth_per_mm = true.growth_per_mm(job)
         factor = true.force_factor(self._clampings)
         self._pressed = job, true.finger_factor(self._fingers), factor
-        blank = replace(
-            true.blank(job, factor), middle_mm=middle_mm, growth_per_mm=growth_per_mm, form=true.form(self._blanks)
-        )
+        blank = replace(true.blank(job, factor), form=true.form(self._blanks))
         self._path.drifted_mm = true.drifted_mm(self.parts)
         self.parts += 1
         self._past_middle_mm = tuple(fraction * job.cut_length_mm for fraction in SECTIONS)
         sections_mm = [middle_mm + past_mm for past_mm in self._past_middle_mm]
         stock = self._stock(blank, job)
-        process = true.process(blank, stock.passive_n_per_mm(job.feed_mm_per_rev))
+        process = true.process(job, blank, stock.passive_n_per_mm(job.feed_mm_per_rev))
         self._part = Workpiece(blank, sections_mm, true.wiper_land_mm, process)
         self._nominal_radius_mm = job.finished_radius_mm
         self._torque_n_m = cutting_torque_n_m(job)
@@ -305,32 +303,41 @@ class SimulatedWorkshop:
     def measure(self, past_middle_mm: float = 0.0) -> Trace:
         """Release the part and measure its trace; repeatable until another is clamped.
 
-        The trace is taken this far past the middle of the cut, towards the jaws: there, or 0.4 lengths of the cut
-        to either side.
+        The trace is taken this far past the middle of the cut, towards the jaws, up to 0.45 lengths of the cut to
+        either side; the surface is kept in a score of sections, and is a straight line between two.
 
         Raises:
-            ValueError: there is no section at `past_middle_mm`.
+            ValueError: the surface is not kept at `past_middle_mm`.
             RuntimeError: no part is mounted.
         """
         part = self._part or self._released
         if part is None:
             raise RuntimeError("no part is mounted")
-        section = self._section_at(past_middle_mm)
+        between = self._between(past_middle_mm)
         self._settle()
         if self._part is not None:
             self._part, self._released, self._seen = None, self._part, ()
             self.watch.release()
             if self._load is not None:
                 self._load.clamp(None)
-        _, free_um = part.released_um(section, self._nominal_radius_mm)
+        free_um: Floats = np.zeros(ANGLES)
+        for section, fraction in between:
+            free_um += fraction * part.released_um(section, self._nominal_radius_mm)[1]
         return self._gauge.trace(free_um, self._nominal_radius_mm, FREE)
 
-    def _section_at(self, past_middle_mm: float) -> int:
-        for section, there_mm in enumerate(self._past_middle_mm):
-            if abs(there_mm - past_middle_mm) <= SAME_PLACE_MM:
-                return section
-        there = ", ".join(f"{each_mm:g}" for each_mm in self._past_middle_mm)
-        raise ValueError(f"past_middle_mm = {past_middle_mm:g}: sections are at {there} mm")
+    def _between(self, past_middle_mm: float) -> tuple[tuple[int, float], ...]:
+        """Return the sections beside a place, with the fraction of each; one alone where it stands."""
+        places = self._past_middle_mm
+        order = sorted(range(len(places)), key=places.__getitem__)
+        for section, following in pairwise((*order, order[-1])):
+            before_mm, behind_mm = past_middle_mm - places[section], places[following] - past_middle_mm
+            if abs(before_mm) <= SAME_PLACE_MM:
+                return ((section, 1.0),)
+            if before_mm > 0.0 and behind_mm > SAME_PLACE_MM:
+                whole_mm = before_mm + behind_mm
+                return (section, behind_mm / whole_mm), (following, before_mm / whole_mm)
+        limit = f"from {places[order[0]]:g} to {places[order[-1]]:g} mm"
+        raise ValueError(f"past_middle_mm = {past_middle_mm:g}: the surface is kept {limit}")
 
     def measure_clamped(self) -> Trace:
         """Measure the part in the chuck with an indicator at the tool: the error of the spindle is included."""

@@ -1,0 +1,65 @@
+"""How the lobe and the mean of a cut change along it, as its compensation follows them.
+
+The job states the lobe in the middle of the cut; along it each order has the shape of the model, by a polynomial.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from profiles.arrays import Floats, floats
+from profiles.chucking.held_part import HeldPart, held_part
+from profiles.compensations.path import AlongCut
+from profiles.job import Job
+from profiles.lobe.cut_error import LEAST_AXIAL_FRACTION, middle_mm
+from profiles.machine import ONE_LOBE, MachineProfile
+from profiles.problem import ProfileError
+
+PLACES = 7
+MOST_DEGREE = 6
+FIT_UM = 0.05  # by which a polynomial may be off the model
+_POINTS = 48
+
+
+def along_cut(job: Job, machine: MachineProfile) -> AlongCut:
+    """Return the change along the cut: none of a bar, and of a lobe that is nearly none in its middle.
+
+    There the lobe changes its sign, and any height fits what was found. None, too, where the chuck is said to
+    press one lobe along Z, and of a part that cannot be held or cut.
+    """
+    try:
+        part = held_part(job, machine)
+    except ProfileError:
+        return AlongCut()
+    whole = 0.0 < job.cut_length_mm <= job.overhang_mm and job.depth_of_cut_mm < job.wall_thickness_mm
+    if machine.chuck.lobe_along == ONE_LOBE or not part.thin or not whole or part.per_jaw_n <= 0.0:
+        return AlongCut()
+    half_mm = job.cut_length_mm / 2.0
+    s = chebyshev.chebpts2(PLACES)
+    at_mm = middle_mm(job) - half_mm * s
+    lobe_um, size_um = _along(part, floats([*at_mm, 0.0]))
+    middle_um, at_jaws_um = lobe_um[PLACES // 2], lobe_um[-1]
+    orders: tuple[tuple[int, tuple[float, ...]], ...] = ()
+    if job.lobe_amplitude_um > 0.0 and abs(middle_um) >= LEAST_AXIAL_FRACTION * abs(at_jaws_um):
+        powers = _powers(s, lobe_um[:-1] / middle_um, FIT_UM / job.lobe_amplitude_um)
+        orders = ((job.jaws, tuple((powers[1:] / powers[0]).tolist())),)
+    mean_um = _powers(s, size_um[:-1], FIT_UM)[1:]
+    return AlongCut(half_length_mm=half_mm, orders=orders, mean_um=tuple(mean_um.tolist()))
+
+
+def _along(part: HeldPart, z_mm: Floats) -> tuple[Floats, Floats]:
+    """Return the amplitude of order N, and the excess of the radius, um, at places of a part."""
+    jaws = part.job.jaws
+    angle_deg = floats(np.arange(_POINTS) * (360.0 / jaws / _POINTS))
+    error_um = np.sum(list(part.error_parts_um(angle_deg, z_mm).values()), axis=0)
+    return floats(2.0 / _POINTS * error_um @ np.cos(jaws * np.radians(angle_deg))), part.size_um(z_mm)
+
+
+def _powers(s: Floats, values: Floats, most_off: float) -> Floats:
+    """Return the coefficients, from that of 1 on, of the polynomial of least degree that is near enough."""
+    for degree in range(1, MOST_DEGREE + 1):
+        found = chebyshev.Chebyshev.fit(s, values, degree, domain=[-1.0, 1.0])
+        if degree == MOST_DEGREE or float(np.abs(found(s) - values).max()) <= most_off:
+            break
+    return floats(found.convert(kind=np.polynomial.Polynomial).coef)
