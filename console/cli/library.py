@@ -121,7 +121,7 @@ def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParam
 
 
 def along_as_there(loaded: Loaded, address: LinkAddress | None, true: TrueParameters | None = None) -> Loaded:
-    """Return a machine whose lobe along Z is as its simulated lathe has it: at an address, or None in this process.
+    """Return a machine whose lobe along Z is as its simulated lathe has it: at an address, or in this process.
 
     Parts of the plants `ideal` and `paper` have one lobe along Z, as the paper evaluates them. Raises
     `ProfileError` as `plant_named`.

@@ -4,11 +4,11 @@
 reason, or a signal asks for it, the process ends and cleans up.
 
 The private channel is a stream of JSON lines, one reply for each request: `{"do": "mount", "job": {...}}`,
-`{"do": "measure"}`, `{"do": "look"}`, `{"do": "truth"}`, `{"do": "indicate", "places": 12}` (an indicator on the
-clamped part), `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it), `{"do": "pace",
-"speed": 2.0}` (0 pauses) and `{"do": "fault", "line": "..."}` (see `control_socket`). The reply to an impossible
-request is `{"refused": reason}`. The reply to `{"do": "checkpoint"}` comes with the line to a frozen copy (see
-`real_time`).
+`{"do": "measure"}`, `{"do": "sections"}` (of the part that was measured), `{"do": "look"}`, `{"do": "truth"}`,
+`{"do": "indicate", "places": 12}` (an indicator on the clamped part), `{"do": "spindle", "rpm": 800}` (a spindle
+on an inverter; null disables it), `{"do": "pace", "speed": 2.0}` (0 pauses) and `{"do": "fault", "line": "..."}`
+(see `control_socket`). The reply to an impossible request is `{"refused": reason}`. The reply to
+`{"do": "checkpoint"}` comes with the line to a frozen copy (see `real_time`).
 
 Before any request, one line `{"ready": device, "lathe": {"plant": "steady", "seed": 7, "alike": false},
 "parts_differ": true}` has the device of the controller, which lathe it is (see `WhichLathe`), and whether its
@@ -112,6 +112,12 @@ def _measure(lathe: SimulatedLathe) -> dict[str, Any]:
     return {**columns, "meta": dict(trace.meta)}
 
 
+def _sections(lathe: SimulatedLathe) -> dict[str, Any]:
+    found = lathe.sections()
+    rows = [{"z_mm": each.z_mm, "deviation_um": each.deviation_um.tolist()} for each in found]
+    return {"angle_deg": found[0].angle_deg.tolist(), "sections": rows}
+
+
 def _indicate(lathe: SimulatedLathe, places: Any) -> dict[str, Any]:
     return asdict(lathe.indicate(None if places is None else whole_number(places)))
 
@@ -126,6 +132,7 @@ _ANSWERS: Mapping[str, Callable[[SimulatedLathe, Mapping[str, Any], SimulationPa
     "mount": lambda lathe, request, _: lathe.mount(job_from_table(request["job"])),
     "look": lambda lathe, _, pace: {**asdict(lathe.look()), "held_s": pace.held_s},
     "measure": lambda lathe, _, __: _measure(lathe),
+    "sections": lambda lathe, _, __: _sections(lathe),
     "indicate": lambda lathe, request, _: _indicate(lathe, request.get("places")),
     "truth": lambda lathe, _, __: asdict(lathe.truth()),
     "spindle": lambda lathe, request, _: lathe.set_spindle(request["rpm"]),

@@ -36,6 +36,7 @@ from drivers.simulator.plant.workshop_view import Truth, WorkshopView
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.metrology.cylindricity import PartSection
 from profiles.problem import Problem
 from profiles.traces import Trace
 
@@ -212,6 +213,10 @@ class SimulatedLathe:
     def measure(self, past_middle_mm: float = 0.0) -> Trace:
         """Release the part and measure its trace, see `SimulatedWorkshop.measure`."""
         return self._floor.measure(past_middle_mm)
+
+    def sections(self) -> tuple[PartSection, ...]:
+        """Return sections of the part that was measured, see `SimulatedWorkshop.sections`."""
+        return self._floor.sections()
 
     def measure_clamped(self) -> Trace:
         """Measure the part in the chuck, see `SimulatedWorkshop.measure_clamped`."""

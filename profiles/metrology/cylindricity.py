@@ -47,6 +47,15 @@ class PartSection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SectionForm:
+    """One section: its height, its roundness (LSCI) and its mean deviation from the nominal radius."""
+
+    z_mm: float
+    ront_um: float
+    mean_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceCylinder:
     """A reference cylinder; its axis passes `centre_x_um`, `centre_y_um` in the middle of the sections.
 
@@ -76,13 +85,18 @@ class CylinderResult:
     within `generatrix_straightness_um`, peak to valley, about its own. All lines are of least squares.
     """
 
-    z_mm: tuple[float, ...]
+    sections: tuple[SectionForm, ...]
     filter_upr: float | None
     cylinders: tuple[ReferenceCylinder, ...]
     taper_um: float
     crown_um: float
     axis_straightness_um: float
     generatrix_straightness_um: float
+
+    @property
+    def worst(self) -> SectionForm:
+        """The section that is least round."""
+        return max(self.sections, key=lambda each: each.ront_um)
 
     def cylinder(self, kind: str) -> ReferenceCylinder:
         """Return the reference cylinder of that kind ("LSCY", "MZCY", "MCCY" or "MICY")."""
@@ -109,7 +123,7 @@ def evaluate_cylinder(
     weight /= weight.sum()
     points = Points(angle=angle, z_mm=z - middle_mm, deviation_um=deviation, weight=weight)
     return CylinderResult(
-        z_mm=tuple(heights),
+        sections=tuple(map(_form, whole)),
         filter_upr=filter_upr,
         cylinders=tuple(reference_cylinder(kind, points, radius_mm) for kind in CYLINDERS),
         **_lines(whole),
@@ -227,6 +241,13 @@ def _filtered(section: PartSection, filter_upr: float | None) -> PartSection:
     return PartSection(
         z_mm=section.z_mm, angle_deg=angle, deviation_um=profile + mean + x * np.cos(theta) + y * np.sin(theta)
     )
+
+
+def _form(section: PartSection) -> SectionForm:
+    mean_um, x, y = _centre(section)
+    theta = np.radians(section.angle_deg)
+    profile = section.deviation_um - mean_um - x * np.cos(theta) - y * np.sin(theta)
+    return SectionForm(z_mm=section.z_mm, ront_um=float(np.ptp(profile)), mean_um=mean_um)
 
 
 def _centre(section: PartSection) -> tuple[float, float, float]:

@@ -43,6 +43,7 @@ from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.metrology.cylindricity import PartSection
 from profiles.roundness import evaluate
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
@@ -318,6 +319,9 @@ class Floor:
 
     def measure(self) -> Trace:
         return self.sim.measure()
+
+    def sections(self) -> tuple[PartSection, ...]:
+        return self.sim.sections()
 
     def indicate(self, places: int | None = None) -> ClampReadings:
         return self.sim.indicate(places)

@@ -22,6 +22,7 @@ from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
+from profiles.metrology.cylindricity import PartSection
 from profiles.problem import ProblemError
 from profiles.traces import Trace
 from tests.branching import Branching
@@ -156,6 +157,9 @@ class Made:
     def measure(self) -> Trace:
         self.measured = True
         return cast(Trace, None)
+
+    def sections(self) -> tuple[PartSection, ...]:
+        return ()
 
     def indicate(self, places: int | None = None) -> ClampReadings:
         return self.watched.sim.indicate(places)

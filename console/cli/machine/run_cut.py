@@ -15,7 +15,7 @@ from console.cli.judgement import force_line, span_fields
 from console.cli.library import data_of
 from console.cli.machine.run_request import RunRequest
 from console.cli.machine.stopping import StopMonitor
-from console.cli.measured.roundness_report import roundness_fields
+from console.cli.measured.roundness_report import roundness_fields, whole_fields, whole_words
 from console.cli.output import confirm_motion, fields_of, harmonics_of, show
 from console.cli.output import tell as tell_problems
 from console.session.cut.engine import CutContext, NotAsPlannedError, PartStep
@@ -110,6 +110,7 @@ def result_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "lobe_frequency_hz": result.lobe_frequency_hz,
         "before": None if result.before is None else roundness_fields(result.before),
         "after": None if result.after is None else roundness_fields(result.after),
+        **whole_fields(result.whole),
         "improvement_percent": result.improvement_percent,
         "roundness_tolerance_um": plan.job.roundness_tolerance_um,
         "within_tolerance": result.within_tolerance,
@@ -130,6 +131,7 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
     path = part.path
     return {
         **roundness_fields(part.roundness),
+        **whole_fields(part.whole),
         "mean_deviation_um": part.roundness.mean_deviation_um,
         "learned": {
             "air_lobe_error_um_pp": list(part.air_um),
@@ -218,6 +220,8 @@ def _run_lines(result: RunResult, text: Catalogue) -> list[str]:
     if plan.expected_residual is not None:
         right, wrong = f"{plan.expected_residual.right_um_pp:.1f}", f"{plan.expected_residual.wrong_um_pp:.1f}"
         facts.append((text("run.expected"), text("run.expected_lobe", right=right, wrong=wrong)))
+    if result.whole is not None:
+        facts.insert(0, (text("run.whole"), whole_words(result.whole, text)))
     facts.append((text("run.cut_verdict"), verdict_words(figures.verdict.event(), text)))
     if result.within_tolerance is not None:
         verdict = "run.within" if result.within_tolerance else "run.outside"

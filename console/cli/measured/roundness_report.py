@@ -11,6 +11,7 @@ from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.metrology.circles import ReferenceCircle
+from profiles.metrology.cylindricity import MINIMUM_ZONE, CylinderResult
 from profiles.metrology.harmonics import usable_factor
 from profiles.metrology.points import gaussian_transmission
 from profiles.problem import Problem, ProfileError
@@ -57,6 +58,34 @@ def roundness_fields(result: RoundnessResult) -> dict[str, object]:
         **fields_of(result, "reference_circle", "filter_upr", "state", "eccentricity_um", "points"),
         "harmonics": [asdict(h) for h in result.harmonics],
     }
+
+
+def whole_fields(whole: CylinderResult | None) -> dict[str, object]:
+    """Return the form of a part over its length: each section, CYLt (MZCY), and what it consists of."""
+    if whole is None:
+        return {}
+    return {
+        "sections": [
+            {"z_mm": each.z_mm, "RONt_um": each.ront_um, "mean_um": each.mean_um} for each in whole.sections
+        ],
+        "CYLt_um": whole.cylinder(MINIMUM_ZONE).cylt_um,
+        **fields_of(whole, "taper_um", "crown_um", "axis_straightness_um", "generatrix_straightness_um"),
+    }
+
+
+def whole_words(whole: CylinderResult, text: Catalogue) -> str:
+    """Return CYLt with its sections and the worst of them, in one line."""
+    first, last, worst = whole.sections[0], whole.sections[-1], whole.worst
+    return text(
+        "run.whole_part",
+        cylt=f"{whole.cylinder(MINIMUM_ZONE).cylt_um:.2f}",
+        count=len(whole.sections),
+        first=f"{first.z_mm:.1f}",
+        last=f"{last.z_mm:.1f}",
+        worst=f"{worst.z_mm:.1f}",
+        ront=f"{worst.ront_um:.2f}",
+        taper=f"{whole.taper_um:+.1f}",
+    )
 
 
 def _parameters(found: RoundnessResult | ReferenceCircle) -> dict[str, float]:

@@ -34,6 +34,7 @@ from drivers.lathe.stop import way_problems
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
+from profiles.metrology.cylindricity import PartSection
 from profiles.problem import Problem
 from profiles.traces import Trace
 
@@ -73,6 +74,9 @@ class Workshop(Protocol):
 
     def measure(self) -> Trace:
         """Release the part and measure it."""
+
+    def sections(self) -> tuple[PartSection, ...]:
+        """Return sections of the part that was measured, along its cut."""
 
     def indicate(self, places: int | None = None) -> ClampReadings:
         """Return what an indicator on the clamped part shows, finger-tight and at full force.

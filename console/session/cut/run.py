@@ -27,6 +27,7 @@ from profiles.compensations.path import CutPath, ExpectedResidual, expect_residu
 from profiles.findings import Severity, refusals
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.metrology.cylindricity import LEAST_SECTIONS, CylinderResult, evaluate_cylinder
 from profiles.problem import Problem, ProblemError
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.rules import check
@@ -70,7 +71,8 @@ class RunPlan:
 class RunResult:
     """Result of a run: `before` is the same job cut without compensation, `after` with the strategy.
 
-    A part that was not cut or not measured is None. `trace` is that of the part of `after`; `collisions` are those
+    A part that was not cut or not measured is None. `trace` is that of the part of `after` in the middle of its
+    cut, `whole` its form over the length; `collisions` are those
     of the tool in either cut, each kind once. `force` is the check by the force of a half-stage cut.
     """
 
@@ -81,6 +83,7 @@ class RunResult:
     figures: CutFigures
     collisions: tuple[str, ...]
     trace: Trace | None = None
+    whole: CylinderResult | None = None
     force: ForceNull | None = None
 
     @property
@@ -206,6 +209,7 @@ class CutOutcome:
     trace: Trace | None
     figures: CutFigures
     collisions: tuple[str, ...]
+    whole: CylinderResult | None = None
     force: ForceNull | None = None
 
 
@@ -291,13 +295,15 @@ def _switch_on(context: CutContext, job: Job, *, homed: bool, blank: bool) -> No
 def _outcome(context: CutContext, job: Job, end: CutEnd, tell: Tell, *, measured: bool) -> CutOutcome:
     if end.figures is None:
         raise SessionError(nothing_seen(job))
-    workshop, trace = context.workshop, None
+    workshop, trace, whole = context.workshop, None, None
     if workshop is not None and measured:
         tell(PartStep.MEASURE, "")
         trace = workshop.measure()
+        sections = workshop.sections()
+        whole = evaluate_cylinder(sections, filter_upr=FILTER_UPR) if len(sections) >= LEAST_SECTIONS else None
         context.recorder.record_measured_part(job, trace)
     collisions = () if workshop is None else workshop.look().collisions
-    return CutOutcome(trace=trace, figures=end.figures, collisions=collisions)
+    return CutOutcome(trace=trace, figures=end.figures, collisions=collisions, whole=whole)
 
 
 def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionError:
@@ -377,6 +383,7 @@ def _result(plan: RunPlan, context: CutContext, before: CutOutcome | None, after
         figures=after.figures,
         collisions=tuple(dict.fromkeys((*earlier, *after.collisions))),
         trace=after.trace,
+        whole=after.whole,
         force=after.force,
     )
 

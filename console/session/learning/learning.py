@@ -311,6 +311,7 @@ class _Learner:
         learned, certificate = self._learn_from(trim_um, trace, tool_off, gain, push)
         return LearnedPart(
             roundness=roundness_of(trace),
+            whole=outcome.whole,
             figures=outcome.figures,
             path=path,
             trim_um=trim_um,

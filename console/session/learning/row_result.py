@@ -14,6 +14,7 @@ from profiles.compensations.certificate import CertifiedOrder, OrderStatus
 from profiles.compensations.learning import REPEATS_SD_UM, Deviation, GrownHarmonic
 from profiles.compensations.path import CutPath
 from profiles.fingerprint.this_clamping import ClampingCorrection
+from profiles.metrology.cylindricity import CylinderResult
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult
 
@@ -27,7 +28,7 @@ CERTAIN_GAIN_UM = 2.0 * ONE_SIDED * math.sqrt(2.0) * REPEATS_SD_UM
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedPart:
-    """One part: its roundness, the tool error, and the path and trim that it was cut with.
+    """One part: its roundness, its form over the length, the tool error, and the path and trim of its cut.
 
     `tool_off` is the tool error in the middle of the cut, `air_um` the lobe error in each air pass before this
     part, peak to peak. `learned` are the harmonics that the part has changed for the next one, `grown` those no
@@ -36,6 +37,7 @@ class LearnedPart:
     """
 
     roundness: RoundnessResult
+    whole: CylinderResult | None
     figures: CutFigures
     path: CutPath
     trim_um: complex

@@ -31,6 +31,7 @@ from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
 from profiles.files import printable
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
+from profiles.metrology.cylindricity import PartSection
 from profiles.problem import Problem
 from profiles.strict_values import from_json, record
 
@@ -256,6 +257,19 @@ class SimulatorProcess:
         for column in (angle_deg, deviation_um):
             column.setflags(write=False)
         return Trace(angle_deg=angle_deg, deviation_um=deviation_um, meta=MappingProxyType(said["meta"]))
+
+    def sections(self) -> tuple[PartSection, ...]:
+        """Return sections of the measured part. Raises LinkError: `simulator.gone`; `simulator.refused`."""
+        import numpy as np
+
+        from profiles.metrology.cylindricity import PartSection
+
+        said = self._ask("sections")
+        angle_deg = np.array(said["angle_deg"], dtype=np.float64)
+        return tuple(
+            PartSection(z_mm=each["z_mm"], angle_deg=angle_deg, deviation_um=np.array(each["deviation_um"]))
+            for each in said["sections"]
+        )
 
     def look(self) -> WorkshopView:
         """Return what an operator sees at the chuck. Raises LinkError: `simulator.gone`."""

@@ -25,12 +25,14 @@ from profiles.fingerprint.readings import ClampReadings
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_origin import with_modelled_lobe
 from profiles.machine import MachineProfile
+from profiles.metrology.cylindricity import PartSection
 from profiles.problem import ProfileError
 from profiles.roundness import evaluate
 from profiles.traces import Trace
 
 SECTIONS = (0.0, *(side * each / 20 for each in range(1, 10) for side in (-1, 1)))
 """Where the surface is kept, cut lengths past the middle of the cut, towards the jaws: over nine tenths of it."""
+MEASURED = (0.4, 0.2, 0.0, -0.2, -0.4)  # where the gauge takes sections, in the same measure
 MID_LENGTH = 0
 SAME_PLACE_MM = 1e-6
 LEAST_TIMES = 2  # how often a block that repeats itself is processed
@@ -63,6 +65,8 @@ class Gauge:
         self._lathe = str(true.lathe)
         self._chance = true.chance("gauge")
         self._generator = np.random.default_rng(self._chance.randrange(2**32))
+        self._off_um: Floats = np.zeros(ANGLES)
+        self._turned = 0
 
     def pass_over(self, parts: int) -> None:
         """Draw what so many parts take, each measured once, released."""
@@ -72,16 +76,18 @@ class Gauge:
     def trace(self, deviation_um: Floats, nominal_radius_mm: float, state: str) -> Trace:
         """Return the trace of a section that deviates by `deviation_um` from its nominal radius, shape (3600,)."""
         angle_deg: Floats = np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
-        read_um = deviation_um
+        self._off_um, self._turned = np.zeros(ANGLES), 0
         if self._eccentricity_um:
             towards = self._chance.uniform(0.0, 2.0 * math.pi)
-            read_um = read_um + self._eccentricity_um * np.cos(np.radians(angle_deg) - towards)
+            self._off_um = self._eccentricity_um * np.cos(np.radians(angle_deg) - towards)
+        read_um = deviation_um + self._off_um
         if self._noise_um:
             read_um = read_um + self._generator.normal(0.0, self._noise_um, ANGLES)
         if not self._mark_known:
-            read_um = np.roll(read_um, self._chance.randrange(ANGLES))
+            self._turned = self._chance.randrange(ANGLES)
         elif self._mark_sd_deg and state == FREE:
-            read_um = np.roll(read_um, round(self._chance.gauss(0.0, self._mark_sd_deg) * ANGLES / 360.0))
+            self._turned = round(self._chance.gauss(0.0, self._mark_sd_deg) * ANGLES / 360.0)
+        read_um = np.roll(read_um, self._turned)
         meta = {
             "state": state,
             "simulated": "yes",
@@ -91,6 +97,12 @@ class Gauge:
             LATHE: self._lathe,
         }
         return Trace(angle_deg=angle_deg, deviation_um=read_um, meta=meta)
+
+    def section(self, deviation_um: Floats, z_mm: float, noise: np.random.Generator) -> PartSection:
+        """Return another section of the part as it was placed for its last trace, levelled to its axis."""
+        read_um = deviation_um + self._off_um + noise.normal(0.0, self._noise_um, ANGLES)
+        angle_deg: Floats = np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
+        return PartSection(z_mm=z_mm, angle_deg=angle_deg, deviation_um=np.roll(read_um, self._turned))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -320,10 +332,29 @@ class SimulatedWorkshop:
             self.watch.release()
             if self._load is not None:
                 self._load.clamp(None)
+        return self._gauge.trace(self._free_um(part, between), self._nominal_radius_mm, FREE)
+
+    def sections(self) -> tuple[PartSection, ...]:
+        """Return five sections of the part that `measure` has placed on the gauge, from the jaws' side on.
+
+        Raises RuntimeError: no part is there.
+        """
+        part, job = self._released, self._job
+        if part is None or job is None:
+            raise RuntimeError("no part is on the gauge")
+        noise = np.random.default_rng(self._true.chance(f"sections of part {self.parts}").randrange(2**32))
+        middle_mm = job.overhang_mm - 0.5 * job.cut_length_mm
+        found = []
+        for past_mm in (fraction * job.cut_length_mm for fraction in MEASURED):
+            free_um = self._free_um(part, self._between(past_mm))
+            found.append(self._gauge.section(free_um, middle_mm - past_mm, noise))
+        return tuple(found)
+
+    def _free_um(self, part: Workpiece, between: tuple[tuple[int, float], ...]) -> Floats:
         free_um: Floats = np.zeros(ANGLES)
         for section, fraction in between:
             free_um += fraction * part.released_um(section, self._nominal_radius_mm)[1]
-        return self._gauge.trace(free_um, self._nominal_radius_mm, FREE)
+        return free_um
 
     def _between(self, past_middle_mm: float) -> tuple[tuple[int, float], ...]:
         """Return the sections beside a place, with the fraction of each; one alone where it stands."""
