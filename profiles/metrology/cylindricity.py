@@ -20,6 +20,7 @@ from profiles.metrology.circles import exchange_basis, limacon_circle
 from profiles.metrology.points import angle_weights
 from profiles.problem import refusal_error
 from profiles.roundness import profile_of
+from profiles.trace_files.sections import TraceSection
 
 LEAST_SQUARES = "LSCY"
 MINIMUM_ZONE = "MZCY"
@@ -44,6 +45,13 @@ class PartSection:
     z_mm: float
     angle_deg: Floats
     deviation_um: Floats
+
+
+def part_section(section: TraceSection) -> PartSection:
+    """Return a section of a file. `section` states its height, as one of several does."""
+    assert section.z_mm is not None
+    trace = section.trace
+    return PartSection(z_mm=section.z_mm, angle_deg=trace.angle_deg, deviation_um=trace.deviation_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,6 +15,7 @@ from tests.console.commands import Console
 
 
 def trace(tmp_path: Path, angles_deg: Any, *head: str, eccentric_um: float = 0.0) -> Path:
+    tmp_path.mkdir(exist_ok=True)
     path = tmp_path / "part.csv"
     rows = [f"{a},{eccentric_um * np.cos(np.radians(a))}" for a in angles_deg]
     path.write_text("\n".join([*head, "angle_deg,deviation_um", *rows]))
@@ -259,3 +260,45 @@ def test_points_in_the_plane_tell_the_centre_and_a_wrong_unit_once(console: Cons
     refused = console("roundness", str(path))
     assert refused.code == 1 and refused.err.count("\n") == 1
     assert "675027.000" in refused.err and "<= 10000 mm" in refused.err
+
+
+# A part in several sections: a column of heights, or a file for each.
+
+SECTIONS = (22.0, 24.0, 26.0, 28.0, 30.0)
+
+
+def sections_file(tmp_path: Path, heights: tuple[float, ...] = SECTIONS) -> Path:
+    """Round sections of a cone, 0.5 um/mm on the radius, with a lobe of 2 um p-p at the first one."""
+    path, angle = tmp_path / "sections.csv", np.arange(0, 360, 4)
+    lines = ["Height [mm];Angle [deg];Deviation [um]"]
+    for z in heights:
+        lobe = (z == heights[0]) * np.cos(np.radians(3 * angle))
+        lines += [f"{z};{a};{0.5 * (z - 26.0) + um:.6f}" for a, um in zip(angle, lobe, strict=True)]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def test_a_file_with_a_column_of_heights_has_the_form_over_the_length(console: Console, tmp_path: Path) -> None:
+    seen = console("roundness", str(sections_file(tmp_path)), "--filter", "none", "--json").json
+    assert [each["z_mm"] for each in seen["sections"]] == list(SECTIONS)
+    assert [round(each["RONt_um"], 2) for each in seen["sections"]] == [2.0, 0.0, 0.0, 0.0, 0.0]
+    assert [round(each["mean_um"], 3) for each in seen["sections"]] == [-2.0, -1.0, 0.0, 1.0, 2.0]
+    assert (seen["strategy"], seen["filter_upr"]) == ("sections", None)
+    assert seen["taper_um"] == pytest.approx(4.0, abs=1e-6)
+    zones = {each["cylinder"]: each["CYLt_um"] for each in seen["cylinders"]}
+    assert set(zones) == {"LSCY", "MZCY", "MCCY", "MICY"}
+    assert seen["CYLt_um"] == zones["MZCY"] == min(zones.values())
+    assert zones["MZCY"] == pytest.approx(5.0, abs=0.01), "2 um of cone to each side, 1 um of lobe below it"
+
+
+def test_files_of_one_section_each_need_their_heights(console: Console, tmp_path: Path) -> None:
+    paths = [trace(tmp_path / str(z), np.arange(0, 360, 4), f"# z_mm: {z}") for z in (22, 26, 30)]
+    seen = console("roundness", *map(str, paths), "--json").json
+    assert [each["z_mm"] for each in seen["sections"]] == [22.0, 26.0, 30.0]
+    bare = trace(tmp_path / "bare", np.arange(0, 360, 4))
+    said = console("roundness", str(paths[0]), str(bare))
+    assert said.code == 1 and "# z_mm: Z" in said.err
+    said = console("roundness", str(paths[0]), str(paths[1]))
+    assert said.code == 1 and ">= 3" in said.err
+    said = console("roundness", *map(str, paths), "--robust")
+    assert said.code == 2 and "--robust" in said.err

@@ -79,6 +79,21 @@ def test_the_lobe_of_the_paper_is_measured_and_then_taken_away(
         assert (part["reference_circle"], part["filter_upr"], part["state"]) == ("LSC", 50, "free")
 
 
+def test_a_simulated_part_is_measured_over_its_length(
+    console: Console, close: tuple[str, str], tmp_path: Path
+) -> None:
+    """A shell of another method than the prediction's, on a lathe without other errors: no end is left off."""
+    plant = tmp_path / "shell.toml"
+    plant.write_text("[chuck]\njaw_stiffness = 300.0\n", encoding="utf-8")
+    job = shorter("lee-2001-experiment-1", tmp_path)
+    result = console("run", job, "--sim", "--plant", str(plant), *close, "--json", "--strategy", "cam").json
+    heights = [each["z_mm"] for each in result["sections"]]
+    assert len(heights) == 5 and heights == sorted(heights)
+    assert all(each["RONt_um"] < 1.0 for each in result["sections"])
+    assert max(each["RONt_um"] for each in result["sections"]) <= result["CYLt_um"] + 1e-6
+    assert {"taper_um", "axis_straightness_um", "generatrix_straightness_um", "crown_um"} <= set(result)
+
+
 @pytest.mark.long
 def test_tool_and_following_error_differ(run: Run) -> None:
     """The command runs ahead of the tool by the lag of the servo; the tool is where the part wants it."""

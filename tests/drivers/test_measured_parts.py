@@ -366,3 +366,20 @@ def test_a_path_of_one_height_leaves_the_ends_off(
     assert min(left_um["one"][0], left_um["one"][2]) > 6.0
     assert max(left_um["shell"][0], left_um["shell"][2]) < 2.0
     assert max(left_um["one"][1], left_um["shell"][1]) < 0.5
+
+
+def test_sections_are_of_one_placement_on_the_gauge(machine: MachineProfile, experiment: JobMaker) -> None:
+    """The same eccentricity and the same turn of the part in all; the middle one is what `measure` shows."""
+    true = replace(shell(machine), gauge_eccentricity_um=5.0, gauge_mark_sd_deg=2.0, seed=3)
+    sim = SimulatedLathe(machine, true)
+    sim.mount(replace(experiment(1), cut_length_mm=8.0))
+    with pytest.raises(RuntimeError):
+        sim.sections()
+    trace, sections = sim.measure(), sim.sections()
+    assert [each.z_mm for each in sections] == pytest.approx([22.8, 24.4, 26.0, 27.6, 29.2])
+    assert sections[2].deviation_um == pytest.approx(trace.deviation_um, abs=1e-9)
+    once = [np.fft.rfft(each.deviation_um)[1] / 1800.0 for each in sections]
+    assert np.abs(once) == pytest.approx(np.full(5, 5.0), abs=1e-6)
+    assert np.angle(once) == pytest.approx(np.full(5, np.angle(once[0])), abs=1e-6)
+    lobes = np.array([abs(np.fft.rfft(each.deviation_um)[3]) / 1800.0 for each in sections])
+    assert (np.diff(lobes) < 0.0).all(), "from the jaws to the free end"

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentTypeError, Namespace
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from console.cli.arguments import (
     OUT_OF_TOLERANCE,
@@ -16,13 +19,18 @@ from console.cli.arguments import (
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
+if TYPE_CHECKING:
+    from profiles.trace_files.sections import TraceSection
+
 REFERENCE_CIRCLES = ("LSC", "MZC", "MCC", "MIC")
+OF_ONE_SECTION = ("band", "circle", "robust", "vblock", "lobes")  # options that several sections have no use for
 LOWEST_UPR, HIGHEST_UPR = 1.0, 10_000.0
 
 
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the trace, its filter, the reference circle and what a V-block needs."""
     parser.add_argument("file", metavar="FILE.csv", help=text("help.file"))
+    parser.add_argument("others", metavar="SECTION.csv", nargs="*", help=text("help.sections"))
     filters = parser.add_mutually_exclusive_group()
     filters.add_argument("--filter", metavar="UPR|none", default="50", type=_filter, help=text("help.filter"))
     filters.add_argument("--band", metavar="LOW:HIGH", type=_band, help=text("help.band"))
@@ -41,11 +49,15 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.measured.trace_evaluation import evaluate_trace_file
     from console.cli.output import show, tell
     from profiles.files import printable
+    from profiles.trace_files.sections import read_sections
 
     if options.fail_out_of_tolerance and options.job is None:
         print(f"console roundness: {text('usage.tolerance_without_job')}", file=sys.stderr)
         return WRONG_USAGE
-    measured = evaluate_trace_file(options)
+    sections = read_sections([Path(file) for file in (options.file, *options.others)])
+    if len(sections) > 1:
+        return _whole(options, sections, text)
+    measured = evaluate_trace_file(options, sections[0].trace)
     warnings = tell(measured.result.warnings, text)
     if options.vblock is not None:
         with naming(printable(options.file)):
@@ -56,6 +68,24 @@ def main(options: Namespace, text: Catalogue) -> int:
     more = {"meta": dict(measured.trace.meta), "warnings": warnings}
     show(options, lambda: {"file": options.file, **fields, **more}, lambda: lines)
     if options.fail_out_of_tolerance and measured.result.ront_um > job_of(options).job.roundness_tolerance_um:
+        return OUT_OF_TOLERANCE
+    return 0
+
+
+def _whole(options: Namespace, sections: Sequence[TraceSection], text: Catalogue) -> int:
+    """Print the form over the length of a part that was measured in several sections."""
+    from console.cli.library import job_of
+    from console.cli.measured.roundness_report import form_fields, form_lines
+    from console.cli.output import show
+    from profiles.metrology.cylindricity import evaluate_cylinder, part_section
+
+    if unused := [f"--{name}" for name in OF_ONE_SECTION if getattr(options, name) not in (None, False, "LSC")]:
+        print(f"console roundness: {text('usage.one_section', options=', '.join(unused))}", file=sys.stderr)
+        return WRONG_USAGE
+    whole = evaluate_cylinder([part_section(each) for each in sections], filter_upr=options.filter)
+    files = [options.file, *options.others]
+    show(options, lambda: {"files": files, **form_fields(whole)}, lambda: form_lines(whole, text))
+    if options.fail_out_of_tolerance and whole.worst.ront_um > job_of(options).job.roundness_tolerance_um:
         return OUT_OF_TOLERANCE
     return 0
 

@@ -73,6 +73,42 @@ def whole_fields(whole: CylinderResult | None) -> dict[str, object]:
     }
 
 
+def form_fields(whole: CylinderResult) -> dict[str, object]:
+    """Return the form of a part in sections: all reference cylinders, and the extraction strategy (ISO 12180)."""
+    return {
+        "strategy": "sections",
+        "filter_upr": whole.filter_upr,
+        **whole_fields(whole),
+        "cylinders": [
+            {"cylinder": each.kind, **{f"CYL{kind}_um": getattr(each, f"cyl{kind}_um") for kind in "tpvq"}}
+            for each in whole.cylinders
+        ],
+    }
+
+
+def form_lines(whole: CylinderResult, text: Catalogue) -> list[str]:
+    """Return the sections, the reference cylinders, taper and straightnesses in words."""
+    upr = text("roundness.no_filter") if whole.filter_upr is None else f"{whole.filter_upr:g} UPR"
+    sections = [("Z", "RONt", text("roundness.mean"), "")]
+    sections += [(f"{s.z_mm:.3f} mm", f"{s.ront_um:.3f}", f"{s.mean_um:+.3f}", "um") for s in whole.sections]
+    cylinders: list[tuple[str, ...]] = [("", "CYLt", "CYLp", "CYLv", "CYLq", "")]
+    for each in whole.cylinders:
+        found = (each.cylt_um, each.cylp_um, each.cylv_um, each.cylq_um)
+        cylinders.append((each.kind, *(f"{um:.3f}" for um in found), "um"))
+    names = ("taper_um", "crown_um", "axis_straightness_um", "generatrix_straightness_um")
+    lines = [(text(f"roundness.{name}"), f"{getattr(whole, name):.3f}", "um") for name in names]
+    head = text("roundness.sections", count=len(whole.sections), filter=upr)
+    return [
+        head,
+        "",
+        *table(sections, numeric=(1, 2)),
+        "",
+        *table(cylinders, numeric=(1, 2, 3, 4)),
+        "",
+        *table(lines, numeric=(1,)),
+    ]
+
+
 def whole_words(whole: CylinderResult, text: Catalogue) -> str:
     """Return CYLt with its sections and the worst of them, in one line."""
     first, last, worst = whole.sections[0], whole.sections[-1], whole.worst

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from argparse import Namespace
 from dataclasses import replace
-from pathlib import Path
 
 from console.cli.library import job_of, name_file_in_problems, naming
 from console.session.cut.recording import mean_diameter_of
@@ -14,14 +13,13 @@ from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import OFF_AXIS, RoundnessResult, evaluate
 from profiles.trace_files.header import TraceHeader, header_of, size_doubt, unit_doubt
-from profiles.traces import Trace, read_trace
+from profiles.traces import Trace
 
 
-def evaluate_trace_file(options: Namespace) -> EvaluatedPart:
+def evaluate_trace_file(options: Namespace, trace: Trace) -> EvaluatedPart:
     """Evaluate a trace and return the results with every warning; without a V-block for the requested circle."""
     where = printable(options.file)
     job = job_of(options).job if options.job else None
-    trace = read_trace(Path(options.file))
     header, warnings = header_of(trace.meta)
     _refuse_method(header, options, where)
     with naming(where):
