@@ -101,6 +101,15 @@ class CylinderResult:
     axis_straightness_um: float
     generatrix_straightness_um: float
 
+    def event(self) -> dict[str, object]:
+        """Return what records and results in JSON have: the sections, CYLt (MZCY) and what it consists of."""
+        sections = [
+            {"z_mm": each.z_mm, "RONt_um": each.ront_um, "mean_um": each.mean_um} for each in self.sections
+        ]
+        names = ("taper_um", "crown_um", "axis_straightness_um", "generatrix_straightness_um")
+        lines = {name: getattr(self, name) for name in names}
+        return {"sections": sections, "CYLt_um": self.cylinder(MINIMUM_ZONE).cylt_um, **lines}
+
     @property
     def worst(self) -> SectionForm:
         """The section that is least round."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, replace
 from functools import partial
@@ -15,7 +15,7 @@ from console.cli.judgement import force_line, span_fields
 from console.cli.library import data_of
 from console.cli.machine.run_request import RunRequest
 from console.cli.machine.stopping import StopMonitor
-from console.cli.measured.roundness_report import roundness_fields, whole_fields, whole_words
+from console.cli.measured.roundness_report import roundness_fields, whole_words
 from console.cli.output import confirm_motion, fields_of, harmonics_of, show
 from console.cli.output import tell as tell_problems
 from console.session.cut.engine import CutContext, NotAsPlannedError, PartStep
@@ -110,7 +110,7 @@ def result_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "lobe_frequency_hz": result.lobe_frequency_hz,
         "before": None if result.before is None else roundness_fields(result.before),
         "after": None if result.after is None else roundness_fields(result.after),
-        **whole_fields(result.whole),
+        **({} if result.whole is None else result.whole.event()),
         "improvement_percent": result.improvement_percent,
         "roundness_tolerance_um": plan.job.roundness_tolerance_um,
         "within_tolerance": result.within_tolerance,
@@ -131,7 +131,7 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
     path = part.path
     return {
         **roundness_fields(part.roundness),
-        **whole_fields(part.whole),
+        **({} if part.whole is None else part.whole.event()),
         "mean_deviation_um": part.roundness.mean_deviation_um,
         "learned": {
             "air_lobe_error_um_pp": list(part.air_um),
@@ -434,12 +434,20 @@ def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
 
 
 def _keep_part(
-    record: RunRecord, request: RunRequest, job: Job, trace: Trace, *, part: str, product: bool, proven: bool
+    record: RunRecord,
+    request: RunRequest,
+    job: Job,
+    trace: Trace,
+    *,
+    part: str,
+    product: bool,
+    proven: bool,
+    more: Mapping[str, object],
 ) -> None:
     """Add a measured part to the record; SessionError `record.lost`."""
     result = roundness_of(trace)
     stage, made = request.plan.stage, _describe_plan(request)
-    kept = part_record(job, result, trace, stage, part=part, product=product, proven=proven, made=made)
+    kept = part_record(job, result, trace, stage, part=part, product=product, proven=proven, made=made, more=more)
     record.add("part", {"part": part, "ront_um": result.ront_um}, kept)
 
 

@@ -60,25 +60,12 @@ def roundness_fields(result: RoundnessResult) -> dict[str, object]:
     }
 
 
-def whole_fields(whole: CylinderResult | None) -> dict[str, object]:
-    """Return the form of a part over its length: each section, CYLt (MZCY), and what it consists of."""
-    if whole is None:
-        return {}
-    return {
-        "sections": [
-            {"z_mm": each.z_mm, "RONt_um": each.ront_um, "mean_um": each.mean_um} for each in whole.sections
-        ],
-        "CYLt_um": whole.cylinder(MINIMUM_ZONE).cylt_um,
-        **fields_of(whole, "taper_um", "crown_um", "axis_straightness_um", "generatrix_straightness_um"),
-    }
-
-
 def form_fields(whole: CylinderResult) -> dict[str, object]:
     """Return the form of a part in sections: all reference cylinders, and the extraction strategy (ISO 12180)."""
     return {
         "strategy": "sections",
         "filter_upr": whole.filter_upr,
-        **whole_fields(whole),
+        **whole.event(),
         "cylinders": [
             {"cylinder": each.kind, **{f"CYL{kind}_um": getattr(each, f"cyl{kind}_um") for kind in "tpvq"}}
             for each in whole.cylinders

@@ -18,6 +18,7 @@ from drivers.cutting.sampling import Batch
 from drivers.lathe.snapshot import Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.metrology.cylindricity import CylinderResult
 from profiles.metrology.turns import mean_diameter_mm
 from profiles.roundness import RoundnessResult
 from profiles.trace_files.header import header_of
@@ -51,8 +52,8 @@ class CutRecorder:
     def record_window(self, batch: Batch) -> None:
         """Take a window that the controller has sampled."""
 
-    def record_measured_part(self, job: Job, trace: Trace) -> None:
-        """Take the measured part of the last cut; this alone may wait, and raise SessionError `record.lost`."""
+    def record_measured_part(self, job: Job, trace: Trace, whole: CylinderResult | None) -> None:
+        """Take the part of the last cut, its middle and the whole. It may wait; SessionError `record.lost`."""
 
 
 class LogRecorder(CutRecorder):
@@ -89,9 +90,10 @@ class LogRecorder(CutRecorder):
         past_mm = np.full_like(batch.infeed_um, batch.past_middle_mm)
         self._log.add_window(self._name, np.column_stack([batch.angle_deg / 360.0, past_mm, batch.infeed_um]))
 
-    def record_measured_part(self, job: Job, trace: Trace) -> None:
+    def record_measured_part(self, job: Job, trace: Trace, whole: CylinderResult | None) -> None:
         """Keep the part of the last cut."""
-        self._keep(job, trace, part=self._name, product=self._product, proven=self._proven)
+        more = {} if whole is None else whole.event()
+        self._keep(job, trace, part=self._name, product=self._product, proven=self._proven, more=more)
 
 
 class TelemetryRows:

@@ -10,7 +10,17 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from console.session.cut.engine import CutContext, CutEnd, PartStep, Tell, cut, load, nothing_seen, tool_clear
+from console.session.cut.engine import (
+    CutContext,
+    CutEnd,
+    PartStep,
+    Tell,
+    Workshop,
+    cut,
+    load,
+    nothing_seen,
+    tool_clear,
+)
 from console.session.cut.force_watch import ForceWatch
 from console.session.cut.interlocks import of_job, of_lobe, of_zero
 from console.session.cut.telemetry import CutFigures
@@ -299,9 +309,8 @@ def _outcome(context: CutContext, job: Job, end: CutEnd, tell: Tell, *, measured
     if workshop is not None and measured:
         tell(PartStep.MEASURE, "")
         trace = workshop.measure()
-        sections = workshop.sections()
-        whole = evaluate_cylinder(sections, filter_upr=FILTER_UPR) if len(sections) >= LEAST_SECTIONS else None
-        context.recorder.record_measured_part(job, trace)
+        whole = measured_whole(workshop)
+        context.recorder.record_measured_part(job, trace, whole)
     collisions = () if workshop is None else workshop.look().collisions
     return CutOutcome(trace=trace, figures=end.figures, collisions=collisions, whole=whole)
 
@@ -386,6 +395,12 @@ def _result(plan: RunPlan, context: CutContext, before: CutOutcome | None, after
         whole=after.whole,
         force=after.force,
     )
+
+
+def measured_whole(workshop: Workshop) -> CylinderResult | None:
+    """Return the form over its length of the part that was measured; None where the gauge takes fewer sections."""
+    sections = workshop.sections()
+    return evaluate_cylinder(sections, filter_upr=FILTER_UPR) if len(sections) >= LEAST_SECTIONS else None
 
 
 def roundness_of(trace: Trace) -> RoundnessResult:

@@ -26,6 +26,7 @@ from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.metrology.cylindricity import CylinderResult
 from profiles.problem import Problem
 from profiles.traces import Trace
 
@@ -143,9 +144,9 @@ class FollowedRun(CutRecorder):
         """Pass on a window that the controller has sampled."""
         self._recorder.record_window(batch)
 
-    def record_measured_part(self, job: Job, trace: Trace) -> None:
+    def record_measured_part(self, job: Job, trace: Trace, whole: CylinderResult | None) -> None:
         """Pass on the measured part."""
-        self._recorder.record_measured_part(job, trace)
+        self._recorder.record_measured_part(job, trace, whole)
 
     def observe_state(self, now_s: Callable[[], float] = time.monotonic) -> ObservedState:
         """Return this moment, in the thread of the feed. Simulated time that is not real has no age.

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from console.session.cut.alignment import unclamp_blank
 from console.session.cut.recording import part_record
-from console.session.cut.run import roundness_of
+from console.session.cut.run import measured_whole, roundness_of
 from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import CutPart, RecordedPart, newest_part
 from console.session.data.records import add_to_run
@@ -43,6 +43,7 @@ def measure_simulated(context: StationContext) -> None:
     header, _ = header_of(trace.meta)
     found = EvaluatedPart(trace=trace, header=header, turn=trace, job=started.job, judged=roundness_of(trace))
     part = _judge_part(context, _just_cut(context, started), started.loaded, found, (GAUGE, sha256))
+    part = replace(part, whole=measured_whole(context.shop))
     run_id = None if context.record is None else context.record.run_id
     part = replace(part, run_id=run_id)
     if context.record is not None:
@@ -218,6 +219,7 @@ def _part_to_record(
         "jaw_1_deg": part.jaw_1_deg,
         "phase_known": part.phase_known,
         **asked,
+        **({} if part.whole is None else part.whole.event()),
     }
     return part_record(
         part.job, part.result, trace, Stage(made.stage), proven=part.proven, made=header, file=file, more=more

@@ -14,6 +14,7 @@ from console.session.station.alarms import Alarms
 from drivers.cutting.bounds import UNCHANGEABLE, Bounds
 from drivers.lathe.console_role import NOBODY, ConsoleRole, Signature
 from drivers.lathe.snapshot import Snapshot
+from profiles.metrology.cylindricity import CylinderResult
 from profiles.problem import Problem
 from profiles.trace_files.header import DIAMETER_STATED, size_doubt
 
@@ -137,7 +138,8 @@ class MeasuredPart:
     `phase_known`, nobody knows where jaw 1 is in the trace. `diameter_mm` is the mean one, `tool_offset_um` how
     much deeper the tool has to go for the nominal one; both are None if the trace does not have the size.
     `offset_taken`: the touch-off was corrected by it. `lobe` is that of a part cut without compensation. `run_id`
-    is its run in the record. Where its cut is not `proven` to be the planned one, it is neither good nor bad.
+    is its run in the record, `whole` its form over the length. Where its cut is not `proven` to be the planned
+    one, it is neither good nor bad.
     """
 
     job: Job
@@ -145,6 +147,7 @@ class MeasuredPart:
     trace: Trace
     result: RoundnessResult
     jaw_1_deg: float
+    whole: CylinderResult | None = None
     phase_known: bool = True
     diameter_mm: float | None = None
     tool_offset_um: float | None = None

@@ -30,6 +30,7 @@ from console.tui.pages.stop_lines import mark_lines
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.metrology.circles import CIRCLES
+from profiles.metrology.cylindricity import MINIMUM_ZONE
 from profiles.roundness import RoundnessResult
 
 FRONT_MULTIPLES = 3  # multiples of the number of jaws that are listed before the other harmonics
@@ -121,7 +122,7 @@ def result_lines(
     before, after = seen.before, seen.after.result if seen.after else None
     chosen = seen.looked.circle
     head, four = [_heading(seen, text, width)], [_ront(seen, kind, text, width) for kind in CIRCLES]
-    diameter = _diameter(seen.part, text, width)
+    diameter = [*_whole(seen.part, text, width), *_diameter(seen.part, text, width)]
     lesser = [
         _columns(
             name, _figure(before.result, chosen, key, text), _figure(after, chosen, key, text), width, Token.TEXT
@@ -168,6 +169,21 @@ def _lobe_rows(seen: PartComparison, text: Catalogue, width: int) -> list[Line]:
     """Return the lobe, peak to peak, and its angle from jaw 1."""
     jaws = seen.part.job.jaws
     return [_harmonic(seen, jaws, text, width, Token.TEXT), _phases(seen, jaws, text, width)]
+
+
+def _whole(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
+    """Return CYLt, and the section that is least round; nothing of a part that was measured in one section."""
+    if part.whole is None:
+        return []
+    worst, unit = part.whole.worst, text.units
+    cylt = unit.show(part.whole.cylinder(MINIMUM_ZONE).cylt_um, "um", 2)
+    name = text("inspect_page.worst", z=unit.show(worst.z_mm, "mm", 1))
+    return [
+        justify_line(
+            line(dim(text("inspect_page.cylt", count=len(part.whole.sections)))), line((cylt, Token.STRONG)), width
+        ),
+        justify_line(line(dim(name)), line(unit.show(worst.ront_um, "um", 2)), width),
+    ]
 
 
 def _diameter(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
