@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+from drivers.simulator.plant.true_parameters import as_simulated
 from profiles.machine import MachineProfile
 from profiles.store import BUNDLED_MACHINES, LoadedMachine, load_machine
 
@@ -27,7 +28,7 @@ def close_together(machine: MachineProfile, home_radius_mm: float = 29.0) -> Mac
 def compact_machine(home_radius_mm: float = 29.0) -> LoadedMachine:
     """The lathe of the paper, close together; a part larger than that of the paper needs the tool farther out."""
     loaded = load_machine("lee-2001-lathe")
-    return replace(loaded, machine=close_together(loaded.machine, home_radius_mm))
+    return replace(loaded, machine=as_simulated(close_together(loaded.machine, home_radius_mm), None))
 
 
 def save_compact(data: Path) -> tuple[str, str]:

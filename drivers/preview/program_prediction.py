@@ -23,7 +23,6 @@ from profiles.machine import MachineProfile
 FloatArray = NDArray[np.float64]
 
 TURN_POINTS = 720  # points per turn at which a path is computed: 120 in each move of the paper's program
-_STEADY_FROM = 0.4  # fraction of the feed: the examined turn is far from the start and end of the cut
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,12 +117,12 @@ def predict_following(
 
 
 def _steady_turn(machine: MachineProfile, plan: CutPlan) -> tuple[FloatArray, FloatArray]:
-    """Return spindle angles (deg, in [0, 360)) and infeed (um) of one turn, at equal time steps."""
+    """Return spindle angles (deg, in [0, 360)) and infeed (um) of the turn mid-cut, at equal time steps."""
     checked = plan.checked
     pieces = [piece for move in checked.moves for piece in move.pieces]
     ends_ms = list(accumulate(piece.duration_ms for piece in pieces))
     carriage = checked.motors.index(machine.carriage.motor)
-    begins = plan.carriage_start + _STEADY_FROM * plan.setup.carriage_counts
+    begins = plan.setup.carriage_middle - 0.5 * plan.setup.carriage_per_turn
     first = next(i for i, piece in enumerate(pieces) if piece.cubics[carriage][0] >= begins)
     instants_ms = ends_ms[first] + 60_000.0 / plan.spindle_speed_rpm * np.arange(TURN_POINTS) / TURN_POINTS
     running = [min(bisect_right(ends_ms, instant), len(pieces) - 1) for instant in instants_ms.tolist()]

@@ -24,6 +24,7 @@ from drivers.link.memory import MemoryLink
 from drivers.link.tracing import TracedLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.true_parameters import as_simulated
 from profiles.roundness import evaluate
 from profiles.store import load_job
 from tests.console.floor import known
@@ -137,7 +138,7 @@ class Lines:
 @cache
 def transcript(family: str, strategy: Strategy) -> tuple[tuple[str, ...], CutOutcome]:
     """One part of a very short job, from the first byte to the last, and what became of it."""
-    machine, lines = compact(family), Lines()
+    machine, lines = as_simulated(compact(family), None), Lines()
     job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=CUT_MM)
     sim = SimulatedLathe(machine)
     link = TracedLink(MemoryLink(sim.connect(), sim), lines, sim.now_s)

@@ -17,7 +17,7 @@ from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.axis import Axis
-from drivers.simulator.plant.true_parameters import TrueParameters, ideal
+from drivers.simulator.plant.true_parameters import TrueParameters, as_simulated, ideal
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
@@ -191,7 +191,8 @@ def connected(machine: MachineProfile, setup: Iterable[str] = (), true: TruePara
 
 @pytest.fixture(scope="session")
 def machine() -> MachineProfile:
-    return load_machine("lee-2001-lathe").machine
+    """Its parts have one lobe along Z, as those of the lathe `ideal`."""
+    return as_simulated(load_machine("lee-2001-lathe").machine, None)
 
 
 @pytest.fixture(scope="session")

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import pytest
 
+from drivers.simulator.plant.true_parameters import as_simulated
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.compact import compact_machine
@@ -25,7 +26,7 @@ def of_family(machine: MachineProfile, family: str) -> MachineProfile:
 
 @pytest.fixture(scope="module", params=["pmac", "turbo"])
 def machine(request: pytest.FixtureRequest) -> MachineProfile:
-    return of_family(load_machine("lee-2001-lathe").machine, request.param)
+    return of_family(as_simulated(load_machine("lee-2001-lathe").machine, None), request.param)
 
 
 @pytest.fixture(scope="session")

@@ -166,6 +166,10 @@ def test_a_cut_beside_the_end_of_the_travel_is_refused(machine: MachineProfile, 
     assert refused.value.problems[0].code == "program.no_zero_row"
 
 
+def as_shell(machine: MachineProfile) -> MachineProfile:
+    return replace(machine, chuck=replace(machine.chuck, lobe_along="shell"))
+
+
 def lobe_along(floor: CutFloor, track: Track, past_mm: float) -> tuple[float, float]:
     """Return the amplitude of the tool at the order of the lobe, and the mean of its command, um, at a place."""
     setup = floor.plan.setup
@@ -186,8 +190,8 @@ def test_the_tool_follows_the_lobe_along_the_part(
     machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:
     """A shell far from the jaws: 15 % less lobe over the last 2 mm; the mean goes in where the part bends."""
-    true = replace(ideal(machine), jaw_stiffness=300.0)
-    floor = CutFloor(replace(short(experiment), cut_length_mm=2.0), machine, strategy, true)
+    lathe, true = as_shell(machine), replace(ideal(machine), jaw_stiffness=300.0)
+    floor = CutFloor(replace(short(experiment), cut_length_mm=2.0), lathe, strategy, true)
     track, along = floor.cut(), floor.plan.target.along
     assert float(along.factor(3, 0.8)) - float(along.factor(3, -0.8)) > 0.05
     mean_um = lobe_along(floor, track, 0.0)[1]
@@ -201,9 +205,9 @@ def test_the_tool_follows_the_lobe_along_the_part(
 def test_what_is_printed_or_straight_does_not_change_along_the_part(
     machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:
-    assert plan_cut(experiment(1), machine, strategy).target.along == AlongCut()
-    one = replace(machine, chuck=replace(machine.chuck, lobe_along="one"))
-    assert plan_cut(experiment(1), one, Strategy.CAM).target.along == AlongCut()
+    assert plan_cut(experiment(1), as_shell(machine), strategy).target.along == AlongCut()
+    assert plan_cut(experiment(1), as_shell(machine), Strategy.CAM).target.along != AlongCut()
+    assert plan_cut(experiment(1), machine, Strategy.CAM).target.along == AlongCut(), "one lobe along Z"
 
 
 # A cut on the spindle's time: on the card, in both families, from the blank to the measured part.

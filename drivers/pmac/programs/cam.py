@@ -14,6 +14,7 @@ The table holds the cam less its value at spindle zero; the program adds that co
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,11 +107,11 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Ca
         rows=rows,
     )
     past_mm = (spacing * np.arange(front, full + 1) - setup.carriage_middle) / per_mm
-    held = float(_corners_um(command, columns, 0.0)[0])
+    held = float(_corners_um(command, columns, 0.0, 0.0)[0])
     added = np.zeros((rows + 1, columns + 1))
     # The program adds a constant; a row with harmonics of another amplitude has the difference.
     for row, place_mm in enumerate(past_mm.tolist(), start=front):
-        added[row] = _corners_um(command, columns, place_mm) + command.along.further_um(place_mm) - held
+        added[row] = _corners_um(command, columns, place_mm, spacing / per_mm) - held
     entries = np.rint(PARTS_PER_COUNT * added / setup.tool_count_um).astype(int).ravel()
     return Cam(
         table=definition.fill_table([int(entry) for entry in entries[1:]]),
@@ -138,27 +139,36 @@ def _chord_error_um(command: LobedPath, columns: int) -> float:
     )
 
 
-def _corners_um(command: LobedPath, columns: int, past_mm: float) -> NDArray[np.float64]:
-    """Return the harmonics at the columns of a turn, both ends included, scaled up to compensate the chords."""
-    angle_deg = 360.0 * np.arange(columns + 1) / columns
-    corners = np.zeros(columns + 1)
+def _corners_um(command: LobedPath, columns: int, past_mm: float, row_mm: float) -> NDArray[np.float64]:
+    """Return what is added to the mean mid-cut at the columns of a turn, both ends included, in a row at a place.
+
+    The harmonics are scaled up to compensate the chords.
+    """
+    along, angle_deg = command.along, 360.0 * np.arange(columns + 1) / columns
+    s, row = past_mm / along.half_length_mm, row_mm / along.half_length_mm
+    corners = np.full(columns + 1, _on_rows((0.0, *along.mean_um), s, row))
     for wave in command.harmonics:
-        scale = chord_scale(columns / wave.lobes) * command.along.factor(wave.lobes, past_mm)
-        corners += scale * wave.at_um(angle_deg)
+        factor = _on_rows((1.0, *along.powers(wave.lobes)), s, row)
+        corners += chord_scale(columns / wave.lobes) * factor * wave.at_um(angle_deg)
     return corners
 
 
 def _row_mm(command: LobedPath) -> float:
     """Return the distance of rows between which straight lines are `ROW_LIMIT_UM` off the change along the cut.
 
-    Over a distance d that is d^2 f'' / 8.
+    Over a distance d that is d^2 f'' / 8, of which `_on_rows` leaves half.
     """
     along, s = command.along, np.linspace(-1.0, 1.0, 41)
     bent_um = np.abs(polyval(s, polyder((0.0, *along.mean_um), 2)))
     for wave in command.harmonics:
         bent_um += wave.amplitude_um * np.abs(polyval(s, polyder((1.0, *along.powers(wave.lobes)), 2)))
     most_um = float(bent_um.max())
-    return along.half_length_mm * math.sqrt(8.0 * ROW_LIMIT_UM / most_um) if most_um else math.inf
+    return along.half_length_mm * math.sqrt(16.0 * ROW_LIMIT_UM / most_um) if most_um else math.inf
+
+
+def _on_rows(powers: Sequence[float], s: float, row: float) -> float:
+    """Return a polynomial in s at a row, so that straight lines from row to row are off to either side alike."""
+    return float(polyval(s, powers) - row**2 / 16.0 * polyval(s, polyder(powers, 2)))
 
 
 def _rows(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> tuple[int, int, int, int]:
