@@ -408,7 +408,7 @@ def ideal(machine: MachineProfile) -> TrueParameters:
         peak_command_v=tool.peak_current_a / tool.amplifier_gain_a_per_v,
         home_radius_mm=tool.home_radius_mm,
         jaw_face_mm=machine.carriage.jaw_face_mm,
-        jaw_length_mm=machine.chuck.jaw_length_mm or JAW_LENGTH_MM,
+        jaw_length_mm=machine.chuck.uncalibrated_jaw_length_mm or machine.chuck.jaw_length_mm or JAW_LENGTH_MM,
         # The centre of mass of a jaw is assumed at its middle, and its inner end at the spindle axis.
         jaw_outer_radius_mm=2.0 * machine.chuck.jaw_radius_mm,
         jaw_mass_radius_kg_m=machine.chuck.jaw_mass_kg * machine.chuck.jaw_radius_mm / 1000.0,
