@@ -14,6 +14,7 @@ from console.cli.arguments import DEFAULT_PLANT
 from console.session.data.kept_files import data_folder, jobs_folder, machines_folder, refuse_closed
 from console.session.errors import SessionError
 from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
+from drivers.simulator.plant.which_lathe import ONE_LOBE_PLANTS, with_one_lobe
 from profiles.machine import MachineProfile, real_machine_problems
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
@@ -126,13 +127,15 @@ def along_as_there(loaded: Loaded, address: LinkAddress | None, true: TrueParame
     Parts of the plants `ideal` and `paper` have one lobe along Z, as the paper evaluates them. Raises
     `ProfileError` as `plant_named`.
     """
-    from drivers.simulator.plant.presets import plant_named
+    if address is not None and not isinstance(address, SimulatedAddress):
+        return loaded
+    if address is not None and address.plant in ONE_LOBE_PLANTS:
+        return replace(loaded, machine=with_one_lobe(loaded.machine))
+    from drivers.simulator.plant.presets import plant_named  # loads numerics, which the first page does not need
     from drivers.simulator.plant.true_parameters import as_simulated
 
-    if isinstance(address, SimulatedAddress):
+    if address is not None:
         true = plant_named(address.plant, loaded.machine, address.seed or 0)
-    elif address is not None:
-        return loaded
     return replace(loaded, machine=as_simulated(loaded.machine, true))
 
 

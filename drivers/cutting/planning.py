@@ -25,7 +25,7 @@ from profiles.compensations.path import AlongCut, CutPath, LobedPath, invert, pa
 from profiles.compensations.push import predicted_push_um
 from profiles.findings import Finding
 from profiles.job import Job
-from profiles.lobe.along import along_cut
+from profiles.lobe.along import along_cut, oval_over_ring
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, refusal_error
 
@@ -268,6 +268,7 @@ def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: S
         replace(target_path(job), push_um=predicted_push_um(job, machine)),
         lambda lobes: nominal_response(strategy, machine, lobes * turns_hz),
         lambda lobes: held_back_um(machine, job, lobes),
+        oval_over_ring(job, machine),
     )
     if problems:
         raise DriverError(*problems)

@@ -305,11 +305,13 @@ def path_problems(
     job_wants: LobedPath,
     response: Callable[[int], complex],
     friction_um: Callable[[int], float] = lambda _: 0.0,
+    oval_over_ring: float = 1.0,
 ) -> tuple[Problem, ...]:
     """Return why a path does not fit a cut whose target is `job_wants`: codes `path.*`.
 
     `response` is the nominal one from command to tool, by order; `friction_um` the amplitude by which dry
-    friction may hold the tool back at them, which its command has to make up for.
+    friction may hold the tool back at them, which its command has to make up for. `oval_over_ring` is the oval of
+    a part over that of a ring with the same lobe.
     """
     shapes = (*_shape(path.target, job_wants), *_shape(path.command, job_wants))
     if shapes:
@@ -329,7 +331,7 @@ def path_problems(
     for harmonic in path.target.overtones:
         off_and_most_um[f"{harmonic.lobes}/rev wanted"] = (
             harmonic.amplitude_um,
-            MOST_HARMONIC_UM + _oval_um(harmonic.lobes, job_wants),
+            MOST_HARMONIC_UM + oval_over_ring * _oval_um(harmonic.lobes, job_wants),
         )
     for harmonic in path.command.overtones:
         wanted = {each.lobes: each.coefficient for each in path.target.overtones}.get(harmonic.lobes, 0j)

@@ -10,7 +10,8 @@ from numpy.polynomial import chebyshev
 
 from profiles.arrays import Floats, floats
 from profiles.chucking.held_part import HeldPart, held_part
-from profiles.compensations.path import AlongCut
+from profiles.chucking.tube import axial_fraction
+from profiles.compensations.path import OVAL, AlongCut
 from profiles.job import Job
 from profiles.lobe.cut_error import LEAST_AXIAL_FRACTION, middle_mm
 from profiles.machine import ONE_LOBE, MachineProfile
@@ -46,6 +47,14 @@ def along_cut(job: Job, machine: MachineProfile) -> AlongCut:
         orders = ((job.jaws, tuple((powers[1:] / powers[0]).tolist())),)
     mean_um = _powers(s, size_um[:-1], FIT_UM)[1:]
     return AlongCut(half_length_mm=half_mm, orders=orders, mean_um=tuple(mean_um.tolist()))
+
+
+def oval_over_ring(job: Job, machine: MachineProfile) -> float:
+    """Return the oval mid-cut beside a lobe, over what a ring has beside it: it decays more slowly."""
+    if not along_cut(job, machine).orders or job.jaws == OVAL:
+        return 1.0
+    tube, z_mm = held_part(job, machine).tube, [middle_mm(job)]
+    return float(axial_fraction(tube, OVAL, z_mm)[0] / abs(axial_fraction(tube, job.jaws, z_mm)[0]))
 
 
 def _along(part: HeldPart, z_mm: Floats) -> tuple[Floats, Floats]:

@@ -20,6 +20,7 @@ from drivers.preview.band import predicted_band
 from drivers.preview.outlook import outlook
 from drivers.preview.preview import closed_form, preview
 from drivers.preview.program_prediction import predict
+from drivers.simulator.plant.which_lathe import with_one_lobe
 from profiles.axis.response import ServoResponse, identified_response
 from profiles.axis.servo import sampled_response
 from profiles.compensations.path import CutPath, PathHarmonic
@@ -212,8 +213,9 @@ SHORT = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.0)
 @pytest.mark.parametrize("strategy", [*INVERTING, Strategy.NONE])
 def test_the_closed_form_says_what_the_program_says_afterwards(strategy: Strategy) -> None:
     """The second method: the program, walked through move by move, and its spectrum through the sampled loop."""
-    seen = preview(SHORT, MACHINE, strategy)
-    early, made = closed_form(outlook(SHORT, MACHINE, strategy), strategy), seen.predictions[strategy]
+    machine = with_one_lobe(MACHINE)
+    seen = preview(SHORT, machine, strategy)
+    early, made = closed_form(outlook(SHORT, machine, strategy), strategy), seen.predictions[strategy]
     assert early is not None
     assert float(np.ptp(early.residual_um)) == pytest.approx(made.ront_um, abs=0.05)
     assert early.stroke_um == pytest.approx(made.stroke_um, abs=0.05)
@@ -265,8 +267,9 @@ def test_a_tool_that_leaves_the_part_leaves_what_it_does_not_reach(depth_mm: flo
     """Round where it is clamped, the part keeps all of the lobe where the path is out of it: A - depth of A."""
     job = replace(SHORT, depth_of_cut_mm=depth_mm, lobe_error_um_pp=error_um)
     out_um = error_um / 2 - 1000 * depth_mm
-    early = closed_form(outlook(job, MACHINE), Strategy.PVT)
-    made = preview(job, MACHINE).predictions[Strategy.PVT]
+    machine = with_one_lobe(MACHINE)
+    early = closed_form(outlook(job, machine), Strategy.PVT)
+    made = preview(job, machine).predictions[Strategy.PVT]
     assert early is not None
     for left_um in (early.residual_um, made.residual_um):
         assert float(np.ptp(left_um)) == pytest.approx(out_um, abs=0.1)

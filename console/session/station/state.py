@@ -14,7 +14,6 @@ from console.session.station.alarms import Alarms
 from drivers.cutting.bounds import UNCHANGEABLE, Bounds
 from drivers.lathe.console_role import NOBODY, ConsoleRole, Signature
 from drivers.lathe.snapshot import Snapshot
-from profiles.metrology.cylindricity import CylinderResult
 from profiles.problem import Problem
 from profiles.trace_files.header import DIAMETER_STATED, size_doubt
 
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from drivers.simulator.plant.workshop_view import Truth, WorkshopView
     from profiles.fingerprint.readings import ClampReadings
     from profiles.job import Job
+    from profiles.metrology.cylindricity import CylinderResult
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
     from profiles.traces import Trace

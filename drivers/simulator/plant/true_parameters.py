@@ -15,12 +15,12 @@ import numpy as np
 from drivers.lathe_placement import LathePlacement
 from drivers.simulator.plant.clamped_shell import ClampedShell
 from drivers.simulator.plant.tip_load import material_of
-from drivers.simulator.plant.which_lathe import IDEAL, WhichLathe
+from drivers.simulator.plant.which_lathe import IDEAL, WhichLathe, with_one_lobe
 from drivers.simulator.plant.workpiece import OVAL, ROUND, Blank, BlankForm, CutProcess, LobeAlong
 from profiles.axis.notch import SignConvention
 from profiles.chucking.grip import loss_n
 from profiles.job import Job
-from profiles.machine import ONE_LOBE, Carriage, MachineProfile, ToolAxis
+from profiles.machine import Carriage, MachineProfile, ToolAxis
 
 THIN_WALL = 0.2  # wall over radius below which a part bends as a ring
 TIP_OFF_BY_UM = 300  # deviation of the tip from its nominal radius for a tool that was clamped by hand
@@ -425,7 +425,7 @@ def as_simulated(machine: MachineProfile, true: TrueParameters | None) -> Machin
     """Return the profile for a lathe of this process: with one lobe along Z where its parts have that."""
     if true is not None and true.jaw_stiffness is not None:
         return machine
-    return replace(machine, chuck=replace(machine.chuck, lobe_along=ONE_LOBE))
+    return with_one_lobe(machine)
 
 
 def set_up_by_hand(true: TrueParameters, machine: MachineProfile, random: Random) -> TrueParameters:

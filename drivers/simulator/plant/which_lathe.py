@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from profiles.files import printable
+from profiles.machine import ONE_LOBE, MachineProfile
 
 LATHE = "lathe"
 """Which simulated lathe it was: a header line of a trace, and a key of the record and of JSON."""
@@ -15,9 +16,15 @@ WHICH = "which"
 """In the record, the key below `LATHE` that has it as the header line of a trace has it."""
 
 IDEAL, MOUNTED = "ideal", "mounted"
+ONE_LOBE_PLANTS = (IDEAL, MOUNTED, "paper")  # whose parts have one lobe along Z, as the paper evaluates them
 HASH_DIGITS = 8
 
 NAMED_SEED = ", seed "
+
+
+def with_one_lobe(machine: MachineProfile) -> MachineProfile:
+    """Return a profile that says of its chuck that the lobe is the same along Z."""
+    return replace(machine, chuck=replace(machine.chuck, lobe_along=ONE_LOBE))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

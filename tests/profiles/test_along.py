@@ -1,0 +1,57 @@
+"""How the lobe and the mean change along a cut, by the shell of the prediction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from profiles.compensations.path import AlongCut
+from profiles.job import Job
+from profiles.lobe.along import along_cut, oval_over_ring
+from profiles.lobe.prediction import predict
+from profiles.store import load_job, load_machine
+
+LATHE = load_machine("lee-2001-lathe").machine
+ONE, TWO = (load_job(f"lee-2001-experiment-{number}").job for number in (1, 2))
+FLANGE = replace(ONE, diameter_mm=123.0, wall_thickness_mm=3.0, overhang_mm=15.0, cut_length_mm=8.0)
+
+
+@pytest.mark.parametrize("job", [ONE, TWO, FLANGE, replace(ONE, jaws=2)])
+def test_the_polynomial_is_the_prediction_along_the_cut(job: Job) -> None:
+    """Amplitude of order N and mean at eleven places, on the lobe that the job has mid-cut: within 0.1 um."""
+    along, past_mm = along_cut(job, LATHE), np.linspace(-0.5, 0.5, 11) * job.cut_length_mm
+    z_mm = np.clip(job.overhang_mm - job.cut_length_mm / 2.0 - past_mm, 0.0, job.overhang_mm)
+    found = predict(replace(job, lobe_error_source="model"), LATHE, z_mm=z_mm)
+    turns = np.exp(-1j * job.jaws * np.radians(found.angle_deg - job.jaw_1_deg))
+    lobes = 2.0 * np.mean(found.error_um * turns, axis=1).real
+    relative = lobes / lobes[5]
+    assert job.lobe_amplitude_um * along.factor(job.jaws, past_mm) == pytest.approx(
+        job.lobe_amplitude_um * relative, abs=0.1
+    )
+    assert along.further_um(past_mm) == pytest.approx(found.size_um - found.size_um[5], abs=0.1)
+
+
+def test_over_the_cut_of_the_papers_parts_the_lobe_is_not_one_number() -> None:
+    """Experiment 1 from 64 to 49 um by a collar, 66 to 48 by a solid; three jaws are between."""
+    ends_um = 55.0 * along_cut(ONE, LATHE).factor(3, [4.0, -4.0])
+    assert ends_um[0] == pytest.approx(67.0, abs=2.0) and ends_um[1] == pytest.approx(46.5, abs=2.0)
+
+
+def test_there_is_no_change_where_nothing_is_known_of_it() -> None:
+    bar = load_job("steel-bar-65").job
+    assert along_cut(bar, LATHE) == AlongCut()
+    one = replace(LATHE, chuck=replace(LATHE.chuck, lobe_along="one"))
+    assert along_cut(ONE, one) == AlongCut()
+    assert along_cut(replace(ONE, material="cheese"), LATHE) == AlongCut()
+    # Where the lobe changes its sign mid-cut, any height fits what was found there: the mean alone is followed.
+    changes = replace(ONE, overhang_mm=54.0)
+    assert along_cut(changes, LATHE).orders == ()
+    assert along_cut(changes, LATHE).mean_um != ()
+
+
+def test_an_oval_decays_more_slowly_than_the_lobe() -> None:
+    """n = 2 and 3 of a shell at 26 of 30 mm: about 0.9 and 0.38 of that at the jaws."""
+    assert oval_over_ring(ONE, LATHE) == pytest.approx(0.9 / 0.33, rel=0.15)
+    assert oval_over_ring(replace(ONE, jaws=2), LATHE) == 1.0
