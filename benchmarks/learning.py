@@ -1,19 +1,21 @@
 """How round parts in a row become on a simulated lathe that learns, over many seeds.
 
-RONt (LSC, 50 UPR, free) of the first, the third and the last part in um, as median and worst of the seeds; `floor`
-is the median of what a perfect controller of the same lathes leaves, computed in `learning_floor`. `worse` counts
-the seeds whose third part is less round than their first, `in 3 um` those whose third part is within 3 um. The
-cut is half as long as that of the jobs.
+RONt (LSC, 50 UPR, free) mid-cut of the first, the third and the last part in um, as median and worst of the seeds;
+`section` is that of the worst of five sections of the third part, and `CYLt` (MZCY) that of the first and the
+third part over the length. `floor` is the median of what a perfect controller of the same lathes leaves mid-cut,
+computed in `learning_floor`. `worse` counts the seeds whose third part is less round than their first, `in 3 um`
+those whose third part is within 3 um.
 
 Each row of parts is told on the error output as it ends.
 
     python -m benchmarks.learning [--seeds 40] [--first 1] [--parts 10] [--plant realistic] [--clamping-sd 5]
         [--job JOB ...] [--how all|lobe|fixed|before ...] [--fingerprint]
 
-`--how`: `all` is as the console learns; `lobe` learns the lobe and its overtones alone; `fixed` has the gains 1
-and 0.7 in place of the optimal ones; `before` both of these; `loop` is `all` with the gains of the tool that
-`console tune show` proposes for the first of these lathes. `--job square` has four jaws, `six` has six. With
-`--fingerprint` an indicator shows the clamping of each part before it is cut.
+`--how`: `all` is as the console learns, `constant` the same with one amplitude along Z; `lobe` learns
+the lobe and its overtones alone; `fixed` has the gains 1 and 0.7 in place of the optimal ones; `before` both of
+these; `loop` is `all` with the gains of the tool that `console tune show` proposes for the first of these lathes.
+`--job square` has four jaws, `six` has six. With `--fingerprint` an indicator shows each clamping before
+it is cut.
 """
 
 from __future__ import annotations
@@ -56,8 +58,9 @@ HOWS = {
     "fixed": LearnHow(optimal=False),
     "before": LearnHow(every_order=False, optimal=False),
     "loop": LearnHow(),
+    "constant": LearnHow(),
 }
-CUT_MM = 4.0
+CUT_MM = 8.0
 DESIGNED_FOR = "realistic", 1
 """Plant and seed of the lathe for which `--how loop` designs gains, by the sweeps of docs/tuning.md."""
 
@@ -98,11 +101,15 @@ class Row:
 
 
 def machine_file(how: str, folder: Path) -> str:
-    """Return the machine: the bundled one, or a file of it with the designed gains."""
-    if how != "loop":
-        return MACHINE
+    """Return the machine: the bundled one, or a file of it with the designed gains, or with one lobe along Z."""
     path = folder / f"{MACHINE}.toml"
-    path.write_text(machine_text(designed()), encoding="utf-8")
+    if how == "loop":
+        path.write_text(machine_text(designed()), encoding="utf-8")
+    elif how == "constant":
+        own = (files("profiles.library.machines") / f"{MACHINE}.toml").read_text(encoding="utf-8")
+        path.write_text(own.replace("[chuck]\n", '[chuck]\nlobe_along = "one"\n'), encoding="utf-8")
+    else:
+        return MACHINE
     return str(path)
 
 
@@ -163,7 +170,7 @@ def run(row: Row, seed: int) -> dict[str, Any] | None:
         return None
     floor = floor_um(job, machine, row.plant, seed, row.clamping_sd)
     result = {**json.loads(said.getvalue()), "floor_um": floor}
-    parts = " ".join(f"{part['RONt_um']:.2f}" for part in result["passes"])
+    parts = " ".join(f"{part['RONt_um']:.2f}/{part['CYLt_um']:.2f}" for part in result["passes"])
     print(f"{row.job}, {row.how}, seed {seed}: {parts}; floor {floor:.2f}", file=sys.stderr, flush=True)
     return result
 
@@ -177,10 +184,12 @@ def cells(row: Row, rows: Sequence[dict[str, Any] | None]) -> tuple[str, ...]:
     """Return the row of the table."""
     results = [each for each in rows if each is not None]
     if not results:
-        return (row.job, row.how, "-", "-", "-", "-", "-", "-", f"{len(rows)} of {len(rows)}")
+        return (row.job, row.how, *["-"] * 9, f"{len(rows)} of {len(rows)}")
     ront = [[float(part["RONt_um"]) for part in result["passes"]] for result in results]
     third = min(2, row.parts - 1)
     shown = [[each[number] for each in ront] for number in (0, third, row.parts - 1)]
+    shown.append([max(s["RONt_um"] for s in result["passes"][third]["sections"]) for result in results])
+    shown += [[float(result["passes"][number]["CYLt_um"]) for result in results] for number in (0, third)]
     worse = sum(each[third] > each[0] for each in ront)
     within = sum(each[third] <= PROMISED_UM for each in ront)
     floor = statistics.median(result["floor_um"] for result in results)
@@ -228,7 +237,20 @@ def main() -> None:
                 rows.append(
                     cells(row, list(pool.map(partial(run, row), range(asked.first, asked.first + asked.seeds))))
                 )
-    head = ("job", "how", "first", "third", "last", "floor", "worse", "in 3 um", "ended")
+    head = (
+        "job",
+        "how",
+        "first",
+        "third",
+        "last",
+        "section",
+        "CYLt first",
+        "third",
+        "floor",
+        "worse",
+        "in 3 um",
+        "ended",
+    )
     print_table(f"{asked.plant}: um, median / worst", head, rows)
 
 

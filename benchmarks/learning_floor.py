@@ -37,9 +37,8 @@ def floor_um(job: Job, machine: MachineProfile, plant: str, seed: int, clamping_
     more_um_pp = true.blank(job, 1.01).lobe_um_pp - blank.lobe_um_pp
     per_force = 100.0 * more_um_pp / blank.lobe_um_pp if blank.lobe_um_pp else 0.0
     angle = np.arange(POINTS) * 2.0 * math.pi / POINTS
-    lobe = 0.5 * blank.lobe_um_pp
-    shape = lobe * (np.cos(job.jaws * angle) + blank.overtone * np.cos(2 * job.jaws * angle))
-    shape += blank.oval_um * np.cos(2.0 * angle)
+    shape = blank.spring_back_um(np.degrees(angle) + blank.jaw_1_deg, blank.middle_mm)
+    shape = shape - blank.shift_um * np.cos(angle)
     copied = copied_fraction(true, job, angle)
     chance, blanks, found = Random(f"floor {seed}"), Random(f"floor blanks {seed}"), []
     noise = np.random.default_rng(seed)
