@@ -30,6 +30,7 @@ from console.tui.theme import Token
 from console.tui.ui_context import View
 from drivers.cutting.planning import Strategy
 from profiles.compensations.certificate import CertifiedOrder, OrderStatus
+from profiles.metrology.cylindricity import PartSection, evaluate_cylinder
 from profiles.roundness import evaluate
 from profiles.traces import Trace
 from tests.golden_text import compare, writing
@@ -333,6 +334,22 @@ def test_the_diameter_and_the_tool_offset_are_beside_the_roundness(room: tuple[i
     text = shown(StationState(measured=sized, uncompensated=BEFORE), room, language)
     assert "51.871 +35.4 um" in text
     assert "51.871" not in shown(BOTH, room, language)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("room", ROOMS)
+def test_the_form_over_the_length_is_beside_the_roundness(room: tuple[int, int], language: str) -> None:
+    """A cone of 2 um with a lobe of 8 um p-p at its jaws: CYLt, and the section that is least round."""
+    angle = np.arange(0.0, 360.0)
+    sections = [
+        PartSection(z_mm=z, angle_deg=angle, deviation_um=0.5 * z + lobe * np.cos(np.radians(3 * angle)))
+        for z, lobe in ((22.0, 4.0), (24.0, 1.0), (26.0, 0.5))
+    ]
+    whole = evaluate_cylinder(sections, filter_upr=None)
+    seen = shown(StationState(measured=replace(AFTER, whole=whole)), room, language)
+    assert "CYLt MZCY" in seen and f"{whole.cylinder('MZCY').cylt_um:.2f}" in seen
+    assert "22.0" in seen and "8.00" in seen
+    assert "CYLt" not in shown(StationState(measured=AFTER), room, language), "of one section nothing is said"
 
 
 @pytest.mark.parametrize("activity", [Activity.POSITIONING, Activity.CUTTING])
