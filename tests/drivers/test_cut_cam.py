@@ -13,6 +13,7 @@ from drivers.cutting.tables import Tables
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, PMAC
+from drivers.pmac.program_constants import constants_of
 from drivers.pmac.programs.timebase import spindle_clock
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.compensations.path import AlongCut, target_path
@@ -199,6 +200,20 @@ def test_the_tool_follows_the_lobe_along_the_part(
         amplitude_um, here_um = lobe_along(floor, track, past_mm)
         assert amplitude_um == pytest.approx(27.5 * float(along.factor(3, past_mm)), abs=0.15)
         assert here_um - mean_um == pytest.approx(float(along.further_um(past_mm)), abs=0.02)
+
+
+@pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.TIMEBASE])
+def test_what_says_how_the_path_changes_along_the_part_is_read_back_and_watched(
+    machine: MachineProfile, experiment: JobMaker, strategy: Strategy
+) -> None:
+    """Step, start and the powers of amplitude and mean are constants like any other."""
+    plan = plan_cut(experiment(1), as_shell(machine), strategy)
+    kept = {each.name for each in constants_of(plan.program, PMAC) if each.kept}
+    along = plan.command.along
+    powers = {f"P{83 + n}" for n in range(len(along.powers(3)))} | {
+        f"P{89 + n}" for n in range(len(along.mean_um))
+    }
+    assert len(powers) >= 3 and {"P81", "P82"} | powers <= kept
 
 
 @pytest.mark.parametrize("strategy", [Strategy.PAPER, Strategy.NONE])
