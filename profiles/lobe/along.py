@@ -5,6 +5,8 @@ The job states the lobe in the middle of the cut; along it each order has the sh
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.polynomial import chebyshev
 
@@ -47,6 +49,23 @@ def along_cut(job: Job, machine: MachineProfile) -> AlongCut:
         orders = ((job.jaws, tuple((powers[1:] / powers[0]).tolist())),)
     mean_um = _powers(s, size_um[:-1], FIT_UM)[1:]
     return AlongCut(half_length_mm=half_mm, orders=orders, mean_um=tuple(mean_um.tolist()))
+
+
+def holding_spread(job: Job, machine: MachineProfile) -> dict[str, tuple[float, float]]:
+    """Return the lobe at both ends of the cut over that mid-cut, jaws' side first, by how the jaws hold.
+
+    As the machine states it ("profile"), and in the two limits between which a chuck is ("straight", "even").
+    Empty for a part whose lobe does not change along Z.
+    """
+    ways = {"profile": None, "straight": 1.0, "even": 0.0}
+    found = {}
+    for name, fraction in ways.items():
+        chuck = machine.chuck if fraction is None else replace(machine.chuck, jaw_straight_fraction=fraction)
+        along = along_cut(job, replace(machine, chuck=chuck))
+        if along.orders:
+            jaws_side, free_end = along.factor(job.jaws, [along.half_length_mm, -along.half_length_mm]).tolist()
+            found[name] = (jaws_side, free_end)
+    return found
 
 
 def oval_over_ring(job: Job, machine: MachineProfile) -> float:

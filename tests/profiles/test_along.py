@@ -9,7 +9,7 @@ import pytest
 
 from profiles.compensations.path import AlongCut
 from profiles.job import Job
-from profiles.lobe.along import along_cut, oval_over_ring
+from profiles.lobe.along import along_cut, holding_spread, oval_over_ring
 from profiles.lobe.prediction import predict
 from profiles.store import load_job, load_machine
 
@@ -55,3 +55,11 @@ def test_an_oval_decays_more_slowly_than_the_lobe() -> None:
     """n = 2 and 3 of a shell at 26 of 30 mm: about 0.9 and 0.38 of that at the jaws."""
     assert oval_over_ring(ONE, LATHE) == pytest.approx(0.9 / 0.33, rel=0.15)
     assert oval_over_ring(replace(ONE, jaws=2), LATHE) == 1.0
+
+
+def test_what_a_chuck_leaves_open_is_a_spread() -> None:
+    """Straight jaws change the lobe least along the cut, even pressure most; the profile is between."""
+    seen = holding_spread(ONE, LATHE)
+    steep = [seen[way][0] - seen[way][1] for way in ("straight", "profile", "even")]
+    assert steep == sorted(steep) and steep[2] > 2.0 * steep[0]
+    assert holding_spread(load_job("steel-bar-65").job, LATHE) == {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 
 import numpy as np
@@ -18,6 +18,7 @@ from profiles.chucking.advice import ClampingAdvice
 from profiles.chucking.diagnosis import diagnose
 from profiles.chucking.ring import is_thin
 from profiles.job import Job
+from profiles.lobe.along import holding_spread
 from profiles.lobe.cut_error import CutError
 from profiles.lobe.prediction import Prediction
 from profiles.machine import MachineProfile
@@ -42,6 +43,7 @@ def prediction_fields(
         "size_um": seen.size_um.tolist(),
         "cut": {**harmonics_of(seen.cut), "high_at_jaws": _high_at_jaws(job, seen.cut)},
         "model": {**harmonics_of(seen.model), "high_at_jaws": _high_at_jaws(job, seen.model)},
+        "ends_of_cut": {name: list(ends) for name, ends in holding_spread(job, machine).items()},
         "stock_mm": seen.stock_mm.tolist(),
         "stock_um_pp": seen.stock_um_pp.tolist(),
         "process": {**asdict(process), "share_left_by_a_pass": process.copying.fraction_left()},
@@ -85,7 +87,7 @@ def prediction_lines(job: Job, calibrated: CalibratedMachine, seen: Prediction, 
     return [
         f"{job.name} · {machine.name}",
         "",
-        *table(_error(job, seen, text)),
+        *table([*_error(job, seen, text), *_ends_of_cut(job, machine, seen, text)]),
         "",
         *table(_places(job, seen, text), numeric=(0, 1, 2, 3, 4, 5)),
         "",
@@ -134,6 +136,16 @@ def _error(job: Job, seen: Prediction, text: Catalogue) -> list[tuple[str, str]]
         rows.append((text("predict.matching"), f"{model.matching_force_n:.0f} N"))
     turned = ", ".join(f"{um:.1f}" for um in seen.stock_um_pp)
     return [*rows, (text("predict.stock", depth=f"{seen.stock_mm[-1]:g}"), f"{turned} um p-p")]
+
+
+def _ends_of_cut(
+    job: Job, machine: MachineProfile, seen: Prediction, text: Catalogue
+) -> Iterator[tuple[str, str]]:
+    """Yield the lobe at both ends of the cut, as the profile has it and in the two limits of how jaws hold."""
+    first_mm, last_mm = job.overhang_mm - job.cut_length_mm, job.overhang_mm
+    for name, ends in holding_spread(job, machine).items():
+        label = text(f"predict.along_{name}", first=f"{first_mm:.1f}", last=f"{last_mm:.1f}")
+        yield label, ", ".join(f"{abs(seen.cut.um_pp * each):.1f}" for each in ends) + " um p-p"
 
 
 def _height(job: Job, cut: CutError, text: Catalogue) -> str:
