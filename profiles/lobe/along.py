@@ -70,10 +70,11 @@ def holding_spread(job: Job, machine: MachineProfile) -> dict[str, tuple[float, 
 
 def oval_over_ring(job: Job, machine: MachineProfile) -> float:
     """Return the oval mid-cut beside a lobe, over what a ring has beside it: it decays more slowly."""
-    if not along_cut(job, machine).orders or job.jaws == OVAL:
+    part, z_mm = held_part(job, machine), [middle_mm(job)]
+    if not part.thin or job.jaws == OVAL or not 0.0 <= z_mm[0] <= job.overhang_mm:
         return 1.0
-    tube, z_mm = held_part(job, machine).tube, [middle_mm(job)]
-    return float(axial_fraction(tube, OVAL, z_mm)[0] / abs(axial_fraction(tube, job.jaws, z_mm)[0]))
+    oval, lobe = (float(axial_fraction(part.tube, n, z_mm)[0]) for n in (OVAL, job.jaws))
+    return oval / abs(lobe) if abs(lobe) >= LEAST_AXIAL_FRACTION else 1.0
 
 
 def _along(part: HeldPart, z_mm: Floats) -> tuple[Floats, Floats]:

@@ -76,7 +76,8 @@ def test_the_standard_errors_are_those_of_a_second_formulation() -> None:
     z = (past_mm - past_mm.mean()) / np.ptp(past_mm)
     decays = [np.exp(-turns / over) for over in (3.0, 12.0)]
     waves = [wave(2.0 * np.pi * n * turns) for n in range(1, 16) for wave in (np.cos, np.sin)]
-    columns = np.stack([np.ones(160), z, *(each - each.mean() for each in decays), *waves], axis=1)
+    lobe = [z * wave(6.0 * np.pi * turns) for wave in (np.cos, np.sin)]
+    columns = np.stack([np.ones(160), z, *(each - each.mean() for each in decays), *waves, *lobe], axis=1)
     solved, squares, *_ = np.linalg.lstsq(columns, noise, rcond=None)
     covariance = np.linalg.inv(columns.T @ columns) * squares[0] / (160 - columns.shape[1])
     wider = np.sqrt(found.polls / found.independent)
@@ -84,6 +85,20 @@ def test_the_standard_errors_are_those_of_a_second_formulation() -> None:
     assert found.mean_se_um == pytest.approx(wider * np.sqrt(covariance[0, 0]), rel=1e-6)
     assert found.slope_se_um == pytest.approx(wider * np.sqrt(covariance[1, 1]), rel=1e-6)
     assert found.orders[4] == pytest.approx(complex(solved[10], -solved[11]), abs=1e-9)
+
+
+def test_an_error_of_the_lobe_that_changes_along_the_cut_is_no_scatter() -> None:
+    """4 um mid-cut that are 3 at one end and 5 at the other: told at the worse end, and as sure as without."""
+    turns, past_mm = polls_of(160)
+    z = (past_mm - past_mm.mean()) / np.ptp(past_mm)
+    noise = np.random.default_rng(4).normal(0.0, 0.3, 160)
+    wave = np.cos(6.0 * np.pi * turns)
+    found, even = (
+        known(fit_tool_error(turns, past_mm, (4.0 + more * z) * wave + noise, 3)) for more in (2.0, 0.0)
+    )
+    assert abs(found.lobe_change_um) == pytest.approx(2.0, abs=0.3)
+    assert found.roundness_um == pytest.approx(10.0, abs=0.6) and even.roundness_um == pytest.approx(8.0, abs=0.6)
+    assert found.roundness_within_um == pytest.approx(even.roundness_within_um, rel=0.05)
 
 
 def test_neighbours_that_are_alike_count_as_fewer_polls() -> None:

@@ -86,8 +86,9 @@ class ToolError:
     """Error of the tool over a cut, um, and the standard error of each figure (`_se_um`).
 
     `slope_um` is the change from the first poll to the last, the decay apart; `decay_um` what of the error at the
-    first poll decays. `orders` are amplitudes with phase, Re(c exp(j n angle)). `polls` were fitted, and count as
-    `independent`.
+    first poll decays. `orders` are amplitudes with phase, Re(c exp(j n angle)), in the middle; that of the lobe
+    changes by `lobe_change_um` from the first poll to the last, 0 where that does not stand out. `polls` were
+    fitted, and count as `independent`.
     """
 
     mean_um: float
@@ -100,6 +101,8 @@ class ToolError:
     orders_se_um: Mapping[int, float]
     polls: int
     independent: float
+    lobes: int = 0
+    lobe_change_um: complex = 0j
 
     @property
     def significant_orders(self) -> tuple[int, ...]:
@@ -110,13 +113,13 @@ class ToolError:
 
     @property
     def roundness_um(self) -> float:
-        """Height, peak to peak, of all counted orders together: what the tool takes of the roundness."""
-        angle = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
-        height = sum(
-            (np.real(self.orders[n] * np.exp(1j * n * angle)) for n in self.significant_orders),
-            np.zeros_like(angle),
-        )
-        return float(np.ptp(height))
+        """Height, peak to peak, of all counted orders together: what the tool takes of the roundness at an end."""
+        angle, counted = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False), self.significant_orders
+        height = np.zeros_like(angle)
+        for n in counted:
+            height = height + np.real(self.orders[n] * np.exp(1j * n * angle))
+        change = self.lobe_change_um * np.exp(1j * self.lobes * angle) if self.lobes in counted else 0j * angle
+        return max(float(np.ptp(height + end * change.real)) for end in (-0.5, 0.5))
 
     @property
     def roundness_within_um(self) -> float:
@@ -147,17 +150,19 @@ def fit_tool_error(turns: Floats, places: Floats, error_um: Floats, lobes: int) 
     from_first = np.abs(turns - turns[0])
     slope = (places - places.mean()) / np.ptp(places)
     decays = [np.exp(-from_first / over) for over in ENTRY_TURNS if from_first[-1] >= 4.0 * over]
-    trends = [slope, *(each - each.mean() for each in decays)]
+    waves = np.exp(1j * lobes * 2.0 * np.pi * turns)
+    of_lobe = [slope * waves.real, slope * waves.imag]
+    trends = [*of_lobe, slope, *(each - each.mean() for each in decays)]
     most = min(MOST_ORDER, int((len(turns) / POLLS_A_TERM - 1 - len(trends)) // 2))
     for last in range(most, max(lobes, 2) - 1, -1):
         orders = range(1, last + 1)
         found = fit(harmonic_columns(2.0 * np.pi * turns, orders, *trends), error_um)
         if found.condition < MOST_CONDITION:
-            return _estimate_tool_error(found, trends, orders)
+            return _estimate_tool_error(found, trends, orders, lobes)
     return None
 
 
-def _estimate_tool_error(found: Fit, trends: list[Floats], orders: range) -> ToolError:
+def _estimate_tool_error(found: Fit, trends: list[Floats], orders: range, lobes: int) -> ToolError:
     left, count = found.residuals, len(found.residuals)
     squares = float(left @ left)
     alike = min(max(float(left[1:] @ left[:-1]) / squares, 0.0), 0.95) if squares > 0.0 else 0.0
@@ -170,13 +175,15 @@ def _estimate_tool_error(found: Fit, trends: list[Floats], orders: range) -> Too
             direction[place] = weight
         return wider * found.sd_along(direction)
 
-    begins = [(2 + number, float(each[0] - each[-1])) for number, each in enumerate(trends[1:])]
+    change, slope = complex(found.coefficients[1], -found.coefficients[2]), 3
+    stands_out = abs(change) > WORTH_TELLING * max(se_along((1, 1.0)), se_along((2, 1.0)))
+    begins = [(4 + number, float(each[0] - each[-1])) for number, each in enumerate(trends[3:])]
     pairs = {n: harmonic_slice(place, len(trends)) for place, n in enumerate(orders)}
     return ToolError(
         mean_um=float(found.coefficients[0]),
         mean_se_um=se_along((0, 1.0)),
-        slope_um=float(found.coefficients[1]),
-        slope_se_um=se_along((1, 1.0)),
+        slope_um=float(found.coefficients[slope]),
+        slope_se_um=se_along((slope, 1.0)),
         decay_um=sum(weight * float(found.coefficients[place]) for place, weight in begins),
         decay_se_um=se_along(*begins),
         orders=phasors(found.coefficients, orders, len(trends)),
@@ -185,6 +192,8 @@ def _estimate_tool_error(found: Fit, trends: list[Floats], orders: range) -> Too
         },
         polls=count,
         independent=independent,
+        lobes=lobes,
+        lobe_change_um=change if stands_out else 0j,
     )
 
 
