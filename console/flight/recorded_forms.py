@@ -103,6 +103,7 @@ def names() -> Mapping[str, Any]:
     from drivers.identification.tool_gains import ToolLoop
     from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
     from profiles.fingerprint.readings import ClampReadings
+    from profiles.metrology.cylindricity import CylinderResult
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
     from profiles.traces import Trace
@@ -115,6 +116,7 @@ def names() -> Mapping[str, Any]:
         CutProgress,
         Strategy,
         Job,
+        CylinderResult,
         RoundnessResult,
         LoadedJob,
         Trace,

@@ -21,6 +21,7 @@ from drivers.pmac.settings import settings_with
 from profiles.axis.friction import held_back_um
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.axis.servo import sampled_response
+from profiles.compensations.learning import coefficient_of
 from profiles.compensations.path import AlongCut, CutPath, LobedPath, invert, path_problems, target_path
 from profiles.compensations.push import predicted_push_um
 from profiles.findings import Finding
@@ -111,7 +112,11 @@ def plan_cut(
         dialect=DIALECTS[machine.controller.family],
         setup=cut_setup(job, machine, start, watchdog, air_mm=air_mm),
         target=replace(target, along=along),
-        command=replace(command, along=along, push_um=0.0 if air_mm else command.push_um),
+        command=replace(
+            command,
+            along=along if path is None else _along_learned(along, path, job, machine, strategy),
+            push_um=0.0 if air_mm else command.push_um,
+        ),
         ts_ms=ts_ms,
         trimmed=trimmed,
     )
@@ -200,6 +205,22 @@ def _command(
         _refuse_unsegmented(command, job, machine, strategy)
     # What was learned from a trace knows the lobe alone.
     return replace(command, push_um=command.push_um or predicted_push_um(job, machine))
+
+
+def _along_learned(
+    along: AlongCut, path: CutPath, job: Job, machine: MachineProfile, strategy: Strategy
+) -> AlongCut:
+    """Return the change along the cut of a learned command: what it has beside the inverse of its target stays.
+
+    That makes up for dry friction, which does not grow with the lobe; its part in phase with the command counts.
+    """
+    orders = []
+    for order, powers in along.orders:
+        target, command = (coefficient_of(each, order) for each in (path.target, path.command))
+        response = nominal_response(strategy, machine, order * job.spindle_speed_rpm / 60.0)
+        share = (target / (response * command)).real if response * command else 1.0
+        orders.append((order, tuple(share * each for each in powers)))
+    return replace(along, orders=tuple(orders))
 
 
 def _refuse_followed(machine: MachineProfile, strategy: Strategy) -> None:

@@ -51,7 +51,7 @@ from profiles.compensations.learning import (
 )
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN, compare_uncompensated
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
-from profiles.compensations.path import CutPath
+from profiles.compensations.path import AlongCut, CutPath
 from profiles.compensations.push import NO_PUSH, Push
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
@@ -170,6 +170,7 @@ class _Learner:
         self._air_um: list[float] = []
         self._air_passes = 0
         self._in_air_at = self._path.target  # what the tool has followed in air
+        self._along = AlongCut()  # of the plan that is cut
         self._homed = False
 
     def reference(self) -> RoundnessResult:
@@ -414,14 +415,17 @@ class _Learner:
         if self._homed:
             turn = round(self._context.lathe.snapshot().spindle.position / self._machine.spindle.counts_per_rev)
         watchdog = self._plan.cut.setup.watchdog
-        return plan_stage(
+        plan = plan_stage(
             job, self._machine, strategy, stage, path, watchdog=watchdog, from_turn=turn, trimmed=trimmed
         )
+        self._along = plan.target.along
+        return plan
 
     def _error(self, batch: Batch) -> HarmonicFit:
         """Return the tool error of a batch, positive where the tool was not in far enough."""
         self._context.recorder.record_window(batch)
-        target_um = self._cutting.target.at_um(batch.angle_deg, batch.past_middle_mm)
+        target = replace(self._cutting.target, along=self._along)
+        target_um = target.at_um(batch.angle_deg, batch.past_middle_mm)
         return fit_harmonics(batch.angle_deg, target_um - batch.infeed_um, self._orders.fitted)
 
     def _response(self, order: int) -> complex:
