@@ -316,7 +316,7 @@ def shell(machine: MachineProfile) -> TrueParameters:
 def test_a_shell_has_its_lobe_along_the_part_from_its_own_jaws(
     machine: MachineProfile, experiment: JobMaker
 ) -> None:
-    """Over mid-cut 1.17 to 1.22 at 22 mm, 0.83 to 0.89 at 30: a solid, and three jaws as straight sum."""
+    """Over mid-cut 1.17 to 1.22 at 22 mm, 0.83 to 0.89 at 30: by a solid, and by three jaws that hold."""
     sim = SimulatedLathe(machine, shell(machine))
     sim.mount(replace(experiment(1), cut_length_mm=8.0))
     lobes_um = [float(np.ptp(sim.measure(past_mm).deviation_um)) for past_mm in (-3.6, -1.0, 0.0, 1.0, 3.6)]
