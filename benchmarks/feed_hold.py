@@ -35,6 +35,7 @@ from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant import workshop
 from drivers.simulator.plant.presets import plant_named
+from drivers.simulator.plant.which_lathe import with_one_lobe
 from profiles.axis.servo_gains import PidGains, variables_from_gains, with_variables
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -63,6 +64,7 @@ class Cutting:
     parts: int
     gains: tuple[float, ...] | None = None
     passive_fraction: float = 0.0
+    one_lobe: bool = False
 
     @property
     def job(self) -> Job:
@@ -74,6 +76,7 @@ class Cutting:
         """The machine, with the gains that were asked for."""
         machine = load_machine(self.machine_name).machine
         machine = replace(machine, tool=replace(machine.tool, passive_force_fraction=self.passive_fraction))
+        machine = with_one_lobe(machine) if self.one_lobe else machine
         return machine if self.gains is None else _with_gains(machine, self.gains)
 
 
