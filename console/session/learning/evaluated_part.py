@@ -23,12 +23,14 @@ from profiles.arrays import Floats, read_only
 from profiles.files import printable
 from profiles.job import Job
 from profiles.metrology.circles import ReferenceCircle
+from profiles.metrology.cylindricity import CylinderResult
 from profiles.metrology.harmonics import Harmonic
 from profiles.metrology.turns import Turns, several_turns, tool_offset_um
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, centred_profile, evaluate
 from profiles.strict_values import number_or_none
 from profiles.trace_files.header import TraceHeader, header_of, size_doubt, unit_doubt
+from profiles.trace_files.sections import TraceSection
 from profiles.traces import Trace, parse_trace, read_trace_file
 
 FREE, CLAMPED = "free", "clamped"
@@ -53,6 +55,11 @@ class EvaluatedPart:
 
     The trace of a file, at `path` with this `content`, has the operator's answers among its header lines. `asked`
     are the keys that the file does not state, `open` those of them without an answer yet.
+
+    `sections` are all measured ones from the lowest Z up, in the job's Z (mm from the jaw faces), each as one turn
+    at the angles of `turn`; `trace` and `turn` are those of the section nearest to the middle of the cut. With one
+    section only its `z_mm` may be None: not stated. `whole` is the form over the length, None where sections are
+    too few for it.
     """
 
     trace: Trace
@@ -71,6 +78,8 @@ class EvaluatedPart:
     content: bytes = field(default=b"", repr=False)
     asked: tuple[str, ...] = ()
     open: tuple[str, ...] = ()
+    sections: tuple[TraceSection, ...] = ()
+    whole: CylinderResult | None = None
 
     @cached_property
     def result(self) -> RoundnessResult:
