@@ -103,7 +103,7 @@ def names() -> Mapping[str, Any]:
     from drivers.identification.tool_gains import ToolLoop
     from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
     from profiles.fingerprint.readings import ClampReadings
-    from profiles.metrology.cylindricity import CylinderResult
+    from profiles.metrology.cylindricity import CylinderResult, PartSection
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
     from profiles.traces import Trace
@@ -117,6 +117,7 @@ def names() -> Mapping[str, Any]:
         Strategy,
         Job,
         CylinderResult,
+        PartSection,
         RoundnessResult,
         LoadedJob,
         Trace,

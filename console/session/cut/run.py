@@ -5,7 +5,7 @@ After any error with the machine connected, stop it and prove it at rest before 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -15,7 +15,6 @@ from console.session.cut.engine import (
     CutEnd,
     PartStep,
     Tell,
-    Workshop,
     cut,
     load,
     nothing_seen,
@@ -37,7 +36,7 @@ from profiles.compensations.path import CutPath, ExpectedResidual, expect_residu
 from profiles.findings import Severity, refusals
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.metrology.cylindricity import LEAST_SECTIONS, CylinderResult, evaluate_cylinder
+from profiles.metrology.cylindricity import LEAST_SECTIONS, CylinderResult, PartSection, evaluate_cylinder
 from profiles.problem import Problem, ProblemError
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.rules import check
@@ -309,7 +308,7 @@ def _outcome(context: CutContext, job: Job, end: CutEnd, tell: Tell, *, measured
     if workshop is not None and measured:
         tell(PartStep.MEASURE, "")
         trace = workshop.measure()
-        whole = measured_whole(workshop)
+        whole = measured_whole(workshop.sections())
         context.recorder.record_measured_part(job, trace, whole)
     collisions = () if workshop is None else workshop.look().collisions
     return CutOutcome(trace=trace, figures=end.figures, collisions=collisions, whole=whole)
@@ -397,9 +396,8 @@ def _result(plan: RunPlan, context: CutContext, before: CutOutcome | None, after
     )
 
 
-def measured_whole(workshop: Workshop) -> CylinderResult | None:
-    """Return the form over its length of the part that was measured; None where the gauge takes fewer sections."""
-    sections = workshop.sections()
+def measured_whole(sections: Sequence[PartSection]) -> CylinderResult | None:
+    """Return the form over its length of a measured part; None where it has too few sections for it."""
     return evaluate_cylinder(sections, filter_upr=FILTER_UPR) if len(sections) >= LEAST_SECTIONS else None
 
 

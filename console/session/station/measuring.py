@@ -27,6 +27,7 @@ from console.session.station.state import ArmedCut, MeasuredPart
 from drivers.cutting.strategy import Strategy
 from profiles.files import printable
 from profiles.job import Job
+from profiles.lobe.cut_error import middle_mm
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob
 from profiles.trace_files.header import header_of
@@ -43,7 +44,8 @@ def measure_simulated(context: StationContext) -> None:
     header, _ = header_of(trace.meta)
     found = EvaluatedPart(trace=trace, header=header, turn=trace, job=started.job, judged=roundness_of(trace))
     part = _judge_part(context, _just_cut(context, started), started.loaded, found, (GAUGE, sha256))
-    part = replace(part, whole=measured_whole(context.shop))
+    sections = context.shop.sections()
+    part = replace(part, whole=measured_whole(sections), sections=sections, section_z_mm=middle_mm(started.job))
     run_id = None if context.record is None else context.record.run_id
     part = replace(part, run_id=run_id)
     if context.record is not None:

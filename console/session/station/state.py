@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from drivers.simulator.plant.workshop_view import Truth, WorkshopView
     from profiles.fingerprint.readings import ClampReadings
     from profiles.job import Job
-    from profiles.metrology.cylindricity import CylinderResult
+    from profiles.metrology.cylindricity import CylinderResult, PartSection
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
     from profiles.traces import Trace
@@ -138,8 +138,9 @@ class MeasuredPart:
     `phase_known`, nobody knows where jaw 1 is in the trace. `diameter_mm` is the mean one, `tool_offset_um` how
     much deeper the tool has to go for the nominal one; both are None if the trace does not have the size.
     `offset_taken`: the touch-off was corrected by it. `lobe` is that of a part cut without compensation. `run_id`
-    is its run in the record, `whole` its form over the length. Where its cut is not `proven` to be the planned
-    one, it is neither good nor bad.
+    is its run in the record, `whole` its form over the length and `sections` all of its sections in the job's Z,
+    at the angles of `trace`, which is the one at `section_z_mm` (None: not stated). Where its cut is not `proven`
+    to be the planned one, it is neither good nor bad.
     """
 
     job: Job
@@ -148,6 +149,8 @@ class MeasuredPart:
     result: RoundnessResult
     jaw_1_deg: float
     whole: CylinderResult | None = None
+    sections: tuple[PartSection, ...] = ()
+    section_z_mm: float | None = None
     phase_known: bool = True
     diameter_mm: float | None = None
     tool_offset_um: float | None = None
