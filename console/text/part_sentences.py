@@ -97,7 +97,7 @@ def certificate_lines(certificate: Sequence[CertifiedOrder], text: Catalogue) ->
     if not certificate:
         return []
     rows = [tuple(text(f"certificate.{name}") for name in COLUMNS)]
-    rows += [certificate_row(each, text) for each in certificate]
+    rows += [certificate_row(each, text) for each in certificate if not _says_nothing(each)]
     if all(each.tool_off_um is None for each in certificate):
         rows = [(*row[:TOOL_OFF], *row[TOOL_OFF + 1 :]) for row in rows]
     return [text("certificate.title"), *table(rows, numeric=range(len(rows[0]) - 1))]
@@ -111,12 +111,22 @@ def certificate_row(each: CertifiedOrder, text: Catalogue) -> tuple[str, ...]:
         "" if um is None else text.units.figure(2.0 * um, "um", 2) for um in (each.on_part_um, each.tool_off_um)
     )
     return (
-        str(each.order),
+        _term(each, text),
         *heights,
         *factors,
         f"{each.bound:.2f}" if learned or each.standing is OrderStatus.NO_PROMISE else "",
         _standing(each, text),
     )
+
+
+def _says_nothing(each: CertifiedOrder) -> bool:
+    """Whether a row is of noise along the cut, of which there are two an order."""
+    return each.axial > 0 and each.standing in (OrderStatus.NOISE, OrderStatus.ONE_PART)
+
+
+def _term(each: CertifiedOrder, text: Catalogue) -> str:
+    order = str(each.order) if each.order else text("certificate.mean")
+    return text(f"certificate.axial.{each.axial}", order=order) if each.axial else order
 
 
 def _standing(each: CertifiedOrder, text: Catalogue) -> str:

@@ -28,7 +28,7 @@ from drivers.pmac.programs.pvt import (
     live_trim_line,
 )
 from profiles.axis.envelope import envelope_row
-from profiles.compensations.path import LobedPath
+from profiles.compensations.path import LobedPath, scale_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -75,9 +75,7 @@ def commanded_amplitude(plan: CutPlan, machine: MachineProfile) -> float:
 def trimmed_path(path: LobedPath, trim: Trim) -> LobedPath:
     """Return a path with a trim: an axis is linear, so a factor of its command is one of its motion."""
     factor = 1.0 + trim.gain_percent / 100.0
-    overtones = tuple(replace(each, amplitude_um=factor * each.amplitude_um) for each in path.overtones)
-    grown = replace(path, amplitude_um=factor * path.amplitude_um, overtones=overtones)
-    return grown.turn_by(trim.phase_deg)
+    return scale_path(path, factor).turn_by(trim.phase_deg)
 
 
 def has_trim(program: ProgramText) -> bool:

@@ -106,17 +106,23 @@ def plan_cut(
     command = _command(job, machine, strategy, path, response)
     target = target_path(job) if path is None else path.target
     along = along_cut(job, machine) if strategy.traits.inverts else AlongCut()
+    target, command = (
+        replace(target, along=along),
+        replace(
+            command,
+            along=along if path is None else _along_learned(along, path, job, machine, strategy),
+            push_um=0.0 if air_mm else command.push_um,
+        ),
+    )
+    if not strategy.traits.by_table:
+        target, command = target.fold_axial(), command.fold_axial()
     planning = PlanningInput(
         job=job,
         machine=machine,
         dialect=DIALECTS[machine.controller.family],
         setup=cut_setup(job, machine, start, watchdog, air_mm=air_mm),
-        target=replace(target, along=along),
-        command=replace(
-            command,
-            along=along if path is None else _along_learned(along, path, job, machine, strategy),
-            push_um=0.0 if air_mm else command.push_um,
-        ),
+        target=target,
+        command=command,
         ts_ms=ts_ms,
         trimmed=trimmed,
     )
@@ -261,8 +267,9 @@ def _check_program(made: PlannedProgram, program: ProgramText, planning: Plannin
 def _refuse_unsegmented(command: LobedPath, job: Job, machine: MachineProfile, strategy: Strategy) -> None:
     """Refuse a command that segments of whole milliseconds cannot make; name the speed that would be allowed."""
     tables = ", ".join(BY_TABLE)
-    if command.overtones:
-        value = ", ".join(str(harmonic.lobes) for harmonic in command.overtones)
+    others = sorted(command.powers_um().keys() - {0, command.lobes})
+    if others:
+        value = ", ".join(map(str, others))
         raise DriverError(Problem(code="program.no_overtones", key=strategy, value=value, limit=tables))
     if fits_whole_milliseconds(command, job.lobe_frequency_hz):
         return

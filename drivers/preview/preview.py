@@ -168,7 +168,7 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
     cut all of it.
     """
     if not strategy.traits.follows_lobe:
-        command = replace(seen.target, amplitude_um=0.0, overtones=())
+        command = replace(seen.target, amplitude_um=0.0, overtones=(), axial=())
     elif strategy.traits.inverts and strategy is seen.strategy:
         command = seen.command
     else:

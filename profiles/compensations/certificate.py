@@ -35,6 +35,7 @@ class OrderStatus(StrEnum):
     ONE_PART = "one_part"
     VARIES = "varies"
     GREW = "grew"
+    UNSEEN = "unseen"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +64,7 @@ class CertifiedOrder:
     left_um: float | None
     standing: OrderStatus
     tool_off_um: float | None = None
+    axial: int = 0
 
 
 def bound_contraction(gain: float, spread: float) -> float:
@@ -97,7 +99,13 @@ class OrderEvidence:
 
 
 def certify_order(
-    order: int, gain: float, shown: OrderEvidence, follows: ToolResponse, standing: OrderStatus
+    order: int,
+    gain: float,
+    shown: OrderEvidence,
+    follows: ToolResponse,
+    standing: OrderStatus,
+    *,
+    axial: int = 0,
 ) -> CertifiedOrder:
     """Return the certificate of an order."""
     tried = gain if standing is OrderStatus.LEARNED else 1.0  # what a step would do
@@ -111,6 +119,7 @@ def certify_order(
         left_um=_height(shown.left_um),
         standing=standing,
         tool_off_um=_height(shown.tool_off_um),
+        axial=axial,
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from profiles.compensations.path import CutPath, PathHarmonic
+from profiles.compensations.path import MOST_HARMONICS, AxialTerm, CutPath, PathHarmonic
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -32,6 +32,7 @@ LIMITS = re.compile(
 
 OTHER_SETTINGS = "learned.settings_changed"
 MOST_SHOWN = 4  # changed values in a sentence
+POWERS = (1, 2)  # of an axial term: slope and curvature
 MODEL = 0  # the version without learning: the lobe of the job through the response of the machine profile
 
 
@@ -89,7 +90,8 @@ class PartReading:
     of that path, tool into the work, `lobe` that of the released part, outwards, with the standard error of its
     amplitude. `plain` are the other harmonics of the part as it would have been without a path. Of a part that was
     `clamped` by its fingerprint, all of it is as it would have been in the mean clamping. `tool` is the
-    tool error of that cut at the order of the lobe, infeed positive; None if unknown.
+    tool error of that cut at the order of the lobe, infeed positive; None if unknown. `axial` is what its sections
+    have shown along Z, as it would have been without a path beside the known one.
     """
 
     version: int
@@ -101,6 +103,7 @@ class PartReading:
     plain: tuple[PathHarmonic, ...] = ()
     clamped: ClampingReading | None = None
     tool: PathHarmonic | None = None
+    axial: tuple[AxialTerm, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -253,3 +256,6 @@ def _judge(learned: LearnedCompensation) -> None:
         raise ValueError(f"height {part.clamped.height}, felt_sd_um {part.clamped.felt_sd_um}")
     if (least := min(harmonic.lobes for harmonic in harmonics)) < 1:
         raise ValueError(f"lobes {least}")
+    for term in (*learned.path.target.axial, *learned.path.command.axial, *(part.axial if part else ())):
+        if not (0 <= term.lobes <= MOST_HARMONICS and term.power in POWERS):
+            raise ValueError(f"lobes {term.lobes}, power {term.power}")

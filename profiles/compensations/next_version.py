@@ -21,6 +21,14 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 
+from profiles.compensations.axial_learning import (
+    NO_SECTIONS,
+    AxialFit,
+    AxialHistory,
+    AxialRules,
+    AxialSteps,
+    axial_steps,
+)
 from profiles.compensations.certificate import CertifiedOrder, ToolResponse
 from profiles.compensations.learned_compensation import (
     MODEL,
@@ -40,7 +48,15 @@ from profiles.compensations.learning import (
 )
 from profiles.compensations.order_steps import STEP_UM, OrderRules, OrderSeen, OrderSteps, order_steps
 from profiles.compensations.part_harmonics import PartHarmonics
-from profiles.compensations.path import CutPath, PathHarmonic, fraction_of, free_state_lobe, target_path
+from profiles.compensations.path import (
+    CutPath,
+    PathHarmonic,
+    axial_terms,
+    axial_um,
+    fraction_of,
+    free_state_lobe,
+    target_path,
+)
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.problem import Problem, refusal_error
@@ -241,8 +257,12 @@ def next_version(
     date: str,
     beside: Sequence[int] = (),
     asked: Sequence[int] = (),
+    along: AxialFit = NO_SECTIONS,
+    in_phase: bool = False,
 ) -> LearningStep:
     """Learn from a measured part.
+
+    `along` is what its sections show along the cut, which a program can change `in_phase` with the lobe alone.
 
     `number` is that of the new version, `gain` None the optimal one of each order. `orders` are the harmonics that
     one part may teach, `beside` those that two must show; of the `orders` some may be `asked` for though they
@@ -261,19 +281,52 @@ def next_version(
     rules = replace(rules, frozen=rules.frozen | grown.keys())
     steps = order_steps(parts, rules)
     changes = {**steps.changes_um, **_back(cut, grown)}
+    axial = _along_z(along, cut, rules, steps, in_phase=in_phase)
+    path = learned_part(cut.path, Deviation(coefficients_um=changes), _NONE, lambda n: follows(n).response)
     kept = LearnedCompensation(
         holds_for=holds_for,
         version=number,
         parent=cut.number,
         gain=gains[job.jaws],
-        path=learned_part(cut.path, Deviation(coefficients_um=changes), _NONE, lambda n: follows(n).response),
-        part=read,
+        path=axial.applied(path, follows),
+        part=replace(read, axial=axial_terms(axial.shown_um)),
         date=date,
         frozen=tuple(sorted(rules.frozen)),
     )
-    reasons = plain.reasons() or _reasons(contractions, job.jaws, changes, cut.version)
+    reasons = plain.reasons() or _reasons(
+        contractions, job.jaws, learns=bool(changes or axial.changes_um), version=cut.version
+    )
     warnings = (*plain.warnings(), *grown.values())
+    steps = replace(steps, certificate=(*steps.certificate, *axial.certificate))
     return _step(kept, part, cut, changes, steps, contractions, scatter_um, reasons, warnings)
+
+
+def _along_z(
+    along: AxialFit, cut: AppliedPath, rules: OrderRules, steps: OrderSteps, *, in_phase: bool
+) -> AxialSteps:
+    """Return what the sections teach; of the orders that one part may not teach, those that this one teaches."""
+    learned = rules.chucked | {n for n in steps.learned_orders if not in_phase}
+    how = AxialRules(
+        lobes=rules.lobes,
+        orders=frozenset({rules.lobes}) if in_phase else learned,
+        chucked=rules.chucked,
+        frozen=rules.frozen,
+        scatter=rules.scatter,
+        follows=rules.follows,
+        in_phase=in_phase,
+    )
+    return axial_steps(along, cut.path.target, how, _axial_history(cut.history), cut.fraction)
+
+
+def _axial_history(versions: Sequence[LearnedCompensation]) -> AxialHistory:
+    """Return what the parts of these versions have shown along the cut, and the steps of their paths."""
+    found = AxialHistory()
+    before: dict[tuple[int, int], complex] = {}
+    for each in versions:
+        now, shown = axial_um(each.path.target.axial), axial_um(each.part.axial if each.part else ())
+        changes = {key: c - before.get(key, 0j) for key, c in now.items()}
+        found, before = found.add(AxialSteps(changes_um=changes, shown_um=shown)), now
+    return found
 
 
 def _rules(
@@ -430,7 +483,8 @@ def _contraction(less: complex, changed: complex, sd_um: float, gain: float) -> 
 def _reasons(
     contractions: Mapping[int, Contraction],
     lobes: int,
-    changes: Mapping[int, complex],
+    *,
+    learns: bool,
     version: LearnedCompensation | None,
 ) -> tuple[Problem, ...]:
     lobe = contractions.get(lobes)
@@ -438,4 +492,4 @@ def _reasons(
         back = f"--revert {MODEL if version is None else version.parent}"
         value = f"{lobe.value:.2f} ± {lobe.half_width:.2f}"
         return (Problem(code="learned.diverges", key=back, value=value, limit="< 1"),)
-    return () if changes else (Problem(code="learned.nothing", limit=f"{SIGNIFICANT:g} sd"),)
+    return () if learns else (Problem(code="learned.nothing", limit=f"{SIGNIFICANT:g} sd"),)

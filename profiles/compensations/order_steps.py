@@ -123,8 +123,9 @@ class OrderSteps:
 
     @property
     def learned_orders(self) -> tuple[int, ...]:
-        """The orders that are learned."""
-        return tuple(each.order for each in self.certificate if each.standing is OrderStatus.LEARNED)
+        """The orders that are learned mid-cut."""
+        rows = (each for each in self.certificate if not each.axial)
+        return tuple(each.order for each in rows if each.standing is OrderStatus.LEARNED)
 
 
 def order_steps(parts: Sequence[OrderSeen], rules: OrderRules) -> OrderSteps:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +30,7 @@ from profiles.job import Job
 from profiles.problem import Problem, refusal_error
 
 PARTIAL_FRACTION = 0.5
+PLACES_ALONG = np.linspace(-1.0, 1.0, 41)  # of a cut, in half lengths past its middle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,9 +86,36 @@ class AlongCut:
         """Return by how much the mean is further in than in the middle, in the shape of `past_middle_mm`."""
         return floats(polyval(floats(past_middle_mm) / self.half_length_mm, (0.0, *self.mean_um)))
 
-    def largest(self, order: int) -> float:
-        """Return the largest amplitude of an order along the cut, over that in the middle."""
-        return float(np.abs(self.factor(order, self.half_length_mm * np.linspace(-1.0, 1.0, 41))).max())
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxialTerm:
+    """(cos_um cos(lobes angle) + sin_um sin(lobes angle)) s^power, added to a path; `lobes` 0 is its mean.
+
+    s is that of `AlongCut`: power 1 is a slope along the cut, 2 a curvature; both are none in the middle.
+    """
+
+    lobes: int
+    power: int
+    cos_um: float
+    sin_um: float = 0.0
+
+    @property
+    def coefficient(self) -> complex:
+        """The c of Re(c exp(j lobes angle)) s^power, in um."""
+        return complex(self.cos_um, -self.sin_um)
+
+
+def axial_terms(coefficients_um: Mapping[tuple[int, int], complex]) -> tuple[AxialTerm, ...]:
+    """Return the terms with these coefficients, um, by order and power."""
+    return tuple(
+        AxialTerm(lobes=n, power=power, cos_um=c.real, sin_um=-c.imag)
+        for (n, power), c in sorted(coefficients_um.items())
+    )
+
+
+def axial_um(terms: Iterable[AxialTerm]) -> dict[tuple[int, int], complex]:
+    """Return the coefficients of terms, um, by order and power."""
+    return {(term.lobes, term.power): term.coefficient for term in terms}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,8 +123,8 @@ class LobedPath:
     """mean + amplitude cos(lobes (angle - phase)) + overtones, by the angle of the spindle.
 
     Order `lobes`, with a maximum at `phase_deg`, is the lobe itself; `overtones` have other orders. All are those
-    in the middle of the cut, and elsewhere as `along` has it. `push_um` is how far the force of the cut pushes the
-    tool out at first, for which a command makes up until the loop has.
+    in the middle of the cut, and elsewhere as `along` has it, with the terms of `axial` beside that. `push_um` is
+    how far the force of the cut pushes the tool out at first, for which a command makes up until the loop has.
     """
 
     mean_um: float
@@ -105,6 +133,7 @@ class LobedPath:
     phase_deg: float
     overtones: tuple[PathHarmonic, ...] = ()
     along: AlongCut = AlongCut()
+    axial: tuple[AxialTerm, ...] = ()
     push_um: float = 0.0
 
     @property
@@ -116,13 +145,28 @@ class LobedPath:
     @property
     def largest_um(self) -> float:
         """The amplitude of the lobe where along the cut it is largest."""
-        return self.amplitude_um * self.along.largest(self.lobes)
+        return float(np.abs(polyval(PLACES_ALONG, self.powers_um()[self.lobes])).max())
+
+    def powers_um(self) -> dict[int, tuple[complex, ...]]:
+        """Return the coefficient of each order along the cut, um, by rising powers of s; 0 is the mean."""
+        found = {0: [complex(self.mean_um), *map(complex, self.along.mean_um)]}
+        for each in self.harmonics:
+            found[each.lobes] = [each.coefficient * power for power in (1.0, *self.along.powers(each.lobes))]
+        for term in self.axial:
+            powers = found.setdefault(term.lobes, [0j])
+            powers += [0j] * (term.power + 1 - len(powers))
+            powers[term.power] += term.coefficient
+        return {order: tuple(powers) for order, powers in found.items()}
 
     def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> Floats:
         """Return the values at spindle angles, past the middle of the cut; in the shape of `angle_deg`."""
         path_um = self.mean_um + self.along.further_um(past_middle_mm)
         for harmonic in self.harmonics:
             path_um = path_um + self.along.factor(harmonic.lobes, past_middle_mm) * harmonic.at_um(angle_deg)
+        s = floats(past_middle_mm) / self.along.half_length_mm
+        for term in self.axial:
+            turning = np.exp(1j * term.lobes * np.radians(floats(angle_deg)))
+            path_um = path_um + s**term.power * np.real(term.coefficient * turning)
         return floats(path_um)
 
     def turn_by(self, by_deg: float) -> LobedPath:
@@ -131,7 +175,25 @@ class LobedPath:
         The phase of order n is later by n times that.
         """
         overtones = tuple(harmonic.turn_by(by_deg) for harmonic in self.overtones)
-        return replace(self, phase_deg=self.phase_deg + by_deg, overtones=overtones)
+        turn = math.radians(by_deg)
+        axial = {(n, power): c * cmath.exp(-1j * n * turn) for (n, power), c in axial_um(self.axial).items()}
+        return replace(self, phase_deg=self.phase_deg + by_deg, overtones=overtones, axial=axial_terms(axial))
+
+    def plus_axial(self, change_um: Mapping[tuple[int, int], complex]) -> LobedPath:
+        """Return this path with Re(c exp(j n angle)) s^p added for each order n and power p, in um."""
+        sums = axial_um(self.axial)
+        return replace(
+            self, axial=axial_terms(sums | {key: sums.get(key, 0j) + c for key, c in change_um.items()})
+        )
+
+    def fold_axial(self) -> LobedPath:
+        """Return the path as segments make it: its axial terms in `along`, of the lobe those in phase with it."""
+        mean, lobe = self.powers_um()[0], self.harmonics[0].coefficient
+        orders = dict(self.along.orders)
+        if lobe and any(term.lobes for term in self.axial):
+            orders[self.lobes] = tuple((power / lobe).real for power in self.powers_um()[self.lobes][1:])
+        mean_um = tuple(power.real for power in mean[1:])
+        return replace(self, along=replace(self.along, orders=tuple(orders.items()), mean_um=mean_um), axial=())
 
     def plus(self, coefficients: Mapping[int, complex], mean_um: float = 0.0) -> LobedPath:
         """Return this path with Re(c exp(j n angle)) added for each n, and an addition to its mean, in um."""
@@ -146,6 +208,7 @@ class LobedPath:
             phase_deg=lobe.phase_deg if lobe.amplitude_um else self.phase_deg,
             overtones=tuple(PathHarmonic.from_coefficient(n, sums[n]) for n in sorted(sums)),
             along=self.along,
+            axial=self.axial,
             push_um=self.push_um,
         )
 
@@ -275,7 +338,7 @@ class ExpectedResidual:
 
 def fraction_of(path: CutPath, fraction: float) -> CutPath:
     """Return a path with this fraction of its harmonics, at the same mean; axes respond linearly."""
-    return CutPath(target=_scale_path(path.target, fraction), command=_scale_path(path.command, fraction))
+    return CutPath(target=scale_path(path.target, fraction), command=scale_path(path.command, fraction))
 
 
 def expect_residual(lobe_um_pp: float, fraction: float) -> ExpectedResidual:
@@ -285,11 +348,13 @@ def expect_residual(lobe_um_pp: float, fraction: float) -> ExpectedResidual:
     )
 
 
-def _scale_path(path: LobedPath, fraction: float) -> LobedPath:
+def scale_path(path: LobedPath, fraction: float) -> LobedPath:
+    """Return a path with all its harmonics so many times as high, at the same mean."""
     overtones = tuple(
         replace(harmonic, amplitude_um=fraction * harmonic.amplitude_um) for harmonic in path.overtones
     )
-    return replace(path, amplitude_um=fraction * path.amplitude_um, overtones=overtones)
+    axial = {(n, power): fraction * c if n else c for (n, power), c in axial_um(path.axial).items()}
+    return replace(path, amplitude_um=fraction * path.amplitude_um, overtones=overtones, axial=axial_terms(axial))
 
 
 MOST_MEAN_UM = 60.0  # tolerance of the mean: a soft servo under a fine cut is held back by some tens of um
@@ -339,6 +404,10 @@ def path_problems(
             abs(response(harmonic.lobes) * harmonic.coefficient - wanted),
             MOST_FRACTION * abs(wanted) + MOST_HARMONIC_UM + friction_um(harmonic.lobes),
         )
+    for term in path.target.axial:
+        share = MOST_FRACTION * lobe.amplitude_um if term.lobes == lobe.lobes else 0.0
+        limit_um = share + MOST_HARMONIC_UM if term.lobes else MOST_MEAN_UM
+        off_and_most_um[f"{term.lobes}/rev along Z, power {term.power}"] = abs(term.coefficient), limit_um
     return tuple(
         Problem(code="path.beyond", key=key, value=f"{off_um:.1f} um", limit=f"<= {limit_um:.1f} um")
         for key, (off_um, limit_um) in off_and_most_um.items()

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from profiles.arrays import floats
+from profiles.arrays import Floats, floats
 from profiles.axis.stiffness import push_um_per_n, relaxation_ms
 from profiles.compensations.learning import SURE
 from profiles.cutting import cutting_force
@@ -62,6 +63,18 @@ def decay_mm(job: Job, machine: MachineProfile) -> float:
     return feed_mm_per_ms * relaxation_ms(machine) * (1.0 + given_back(job, machine))
 
 
+def left_along_um(push_um: float, job: Job, machine: MachineProfile, past_middle_mm: ArrayLike) -> Floats:
+    """Return by how much the tool is not in far enough along a cut that has so much push left, um."""
+    half_mm = _half_mm(job, machine)
+    shown_um = push_um / (1.0 + given_back(job, machine))
+    return floats(shown_um * np.exp(-(floats(past_middle_mm) + half_mm) / decay_mm(job, machine)))
+
+
+def _half_mm(job: Job, machine: MachineProfile) -> float:
+    """Return the way from the first contact to the middle of the cut."""
+    return 0.5 * (job.cut_length_mm + machine.tool.wiper_land_mm)
+
+
 def left_push(
     job: Job, machine: MachineProfile, past_middle_mm: Sequence[float], error_um: Sequence[float]
 ) -> Push:
@@ -74,7 +87,7 @@ def left_push(
         return NO_PUSH
     if decay * len(at_mm) < BATCHES_A_DECAY * float(np.ptp(at_mm)):
         return NO_PUSH
-    half_mm = 0.5 * (job.cut_length_mm + machine.tool.wiper_land_mm)  # from the first contact to the middle
+    half_mm = _half_mm(job, machine)
     found = fit(np.column_stack([np.ones_like(at_mm), np.exp(-(at_mm + half_mm) / decay)]), floats(error_um))
     shown_um = float(found.coefficients[1])
     if abs(shown_um) <= SURE * found.sd_along(floats([0.0, 1.0])):

@@ -31,14 +31,15 @@ def along_cut(job: Job, machine: MachineProfile) -> AlongCut:
     There the lobe changes its sign, and any height fits what was found. None, too, where the chuck is said to
     press one lobe along Z, and of a part that cannot be held or cut.
     """
+    half_mm = job.cut_length_mm / 2.0
+    none = AlongCut(half_length_mm=half_mm) if half_mm > 0.0 else AlongCut()
     try:
         part = held_part(job, machine)
     except ProfileError:
-        return AlongCut()
+        return none
     whole = 0.0 < job.cut_length_mm <= job.overhang_mm and job.depth_of_cut_mm < job.wall_thickness_mm
     if machine.chuck.lobe_along == ONE_LOBE or not part.thin or not whole or part.per_jaw_n <= 0.0:
-        return AlongCut()
-    half_mm = job.cut_length_mm / 2.0
+        return none
     s = chebyshev.chebpts2(PLACES)
     at_mm = middle_mm(job) - half_mm * s
     lobe_um, size_um = _along(part, floats([*at_mm, 0.0]))

@@ -78,8 +78,9 @@ def test_the_second_part_is_rounder_and_one_can_go_back(
     assert (lesson["next"]["version"], lesson["next"]["gain"] > 0.9) == (1, True)
     assert {3, 9} <= set(lesson["learned_waves"]) <= {3, 6, 9}
     # One part shows an oval: whether the next blank has the same, only that can show.
-    stands = {each["order"]: each["standing"] for each in lesson["certificate"]}
-    assert (stands[3], stands[2] in ("one_part", "noise")) == ("learned", True)
+    stands = {(each["order"], each["axial"]): each["standing"] for each in lesson["certificate"]}
+    assert (stands[3, 0], stands[2, 0] in ("one_part", "noise")) == ("learned", True)
+    assert (stands[3, 1], stands[3, 2]) == ("unseen", "unseen"), "of one section"
     assert all(each["bound"] < 1.0 for each in lesson["certificate"] if each["standing"] == "learned")
     made = console(*words, "--compensation", "newest", "--part", second).json
     assert (made["compensation"], made["stage"]) == (1, "full")

@@ -14,6 +14,7 @@ from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import TrueParameters, as_simulated
+from profiles.compensations.path import CutPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import RoundnessResult, evaluate
@@ -62,10 +63,11 @@ class CutFloor:
         watchdog: str = "",
         *,
         trimmed: bool = False,
+        path: CutPath | None = None,
     ) -> None:
         machine = as_simulated(machine, true)
         self.job, self.machine = job, machine
-        self.plan: CutPlan = plan_cut(job, machine, strategy, watchdog=watchdog, trimmed=trimmed)
+        self.plan: CutPlan = plan_cut(job, machine, strategy, watchdog=watchdog, trimmed=trimmed, path=path)
         sim = SimulatedLathe(machine, beside_home(machine, true), DIALECTS[machine.controller.family])
         self.card = Wire(sim=sim, port=sim.connect())
         self.card.raw("I3=2 I6=1\r")

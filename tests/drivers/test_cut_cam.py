@@ -8,15 +8,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from console.session.stages import nominal_path
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.cutting.tables import Tables
+from drivers.identification.nominal import nominal_response
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, PMAC
 from drivers.pmac.program_constants import constants_of
 from drivers.pmac.programs.timebase import spindle_clock
 from drivers.simulator.plant.true_parameters import ideal
-from profiles.compensations.path import AlongCut, target_path
+from profiles.compensations.path import AlongCut, CutPath, target_path
 from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
@@ -195,6 +197,27 @@ def test_the_tool_follows_the_lobe_along_the_part(
         assert here_um - mean_um == pytest.approx(float(along.further_um(past_mm)), abs=0.02)
 
 
+@pytest.mark.parametrize("strategy", [Strategy.CAM, Strategy.PVT, Strategy.TIMEBASE])
+def test_the_tool_follows_what_was_learned_along_the_part(
+    machine: MachineProfile, experiment: JobMaker, strategy: Strategy
+) -> None:
+    """A slope of 3 um of the lobe, a curvature of 2, and a mean that goes in by 4 um to either end."""
+    job = replace(short(experiment), cut_length_mm=4.0)
+    nominal = nominal_path(job, machine, strategy)
+    through = nominal_response(strategy, machine, job.lobe_frequency_hz)
+    lobe = nominal.target.harmonics[0].coefficient / 27.5
+    added = {(0, 2): 4.0 + 0j, (3, 1): 3.0 * lobe, (3, 2): 2.0 * lobe}
+    command = {key: c / through if key[0] else c for key, c in added.items()}
+    path = CutPath(target=nominal.target.plus_axial(added), command=nominal.command.plus_axial(command))
+    floor = CutFloor(job, machine, strategy, path=path)
+    track = floor.cut()
+    middle_um = lobe_along(floor, track, 0.0)
+    for s in (-0.6, 0.0, 0.6):
+        amplitude_um, here_um = lobe_along(floor, track, 2.0 * s)
+        assert amplitude_um == pytest.approx(27.5 + 3.0 * s + 2.0 * s**2, abs=0.15)
+        assert here_um - middle_um[1] == pytest.approx(4.0 * s**2, abs=0.1)
+
+
 @pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.TIMEBASE])
 def test_what_says_how_the_path_changes_along_the_part_is_read_back_and_watched(
     machine: MachineProfile, experiment: JobMaker, strategy: Strategy
@@ -213,9 +236,10 @@ def test_what_says_how_the_path_changes_along_the_part_is_read_back_and_watched(
 def test_what_is_printed_or_straight_does_not_change_along_the_part(
     machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:
+    constant = AlongCut(half_length_mm=experiment(1).cut_length_mm / 2.0)
     assert plan_cut(experiment(1), as_shell(machine), strategy).target.along == AlongCut()
-    assert plan_cut(experiment(1), as_shell(machine), Strategy.CAM).target.along != AlongCut()
-    assert plan_cut(experiment(1), machine, Strategy.CAM).target.along == AlongCut(), "one lobe along Z"
+    assert plan_cut(experiment(1), as_shell(machine), Strategy.CAM).target.along.orders
+    assert plan_cut(experiment(1), machine, Strategy.CAM).target.along == constant, "one lobe along Z"
 
 
 # A cut on the spindle's time: on the card, in both families, from the blank to the measured part.

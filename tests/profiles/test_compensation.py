@@ -19,6 +19,7 @@ from profiles.compensations.path import (
     CutPath,
     LobedPath,
     PathHarmonic,
+    axial_terms,
     chord_error,
     chord_scale,
     compensated_depth_um,
@@ -172,6 +173,7 @@ def test_a_turned_path_has_at_the_turned_angle_what_it_had_before(
         phase_deg=lobe.phase_deg,
         overtones=tuple(others),
         along=AlongCut(half_length_mm=10.0, orders=((3, (growth, 0.1)), (6, (0.2,))), mean_um=(5.0 * growth,)),
+        axial=axial_terms({(0, 1): 2.0, (2, 1): 1.0 + 0.5j, (3, 2): growth * 1j}),
     )
     turned = path.turn_by(by_deg)
     before_um = path.at_um(TURN_DEG, past_middle_mm)

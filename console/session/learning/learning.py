@@ -9,8 +9,9 @@ to its best state and no longer learned.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from console.session.cut.engine import CutContext, PartStep
@@ -26,6 +27,7 @@ from console.session.cut.run import (
 )
 from console.session.errors import SessionError, refuse
 from console.session.learning.learning_beside import AirWatch, CutLearner
+from console.session.learning.learning_steps import parts_along, sections_like
 from console.session.learning.lobe_learning import LobeLearning
 from console.session.learning.order_learning import LearnHow, OrderLearning
 from console.session.learning.row_result import LearnedPart, LearnResult
@@ -36,6 +38,7 @@ from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from profiles.axis.friction import held_back_um
+from profiles.compensations.axial_learning import AxialHistory, AxialRules, axial_steps, fit_axial
 from profiles.compensations.causes import OVAL
 from profiles.compensations.certificate import PROCESS_GAINS, CertifiedOrder
 from profiles.compensations.learning import (
@@ -57,6 +60,7 @@ from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult
+from profiles.trace_files.sections import TraceSection
 from profiles.traces import Trace
 
 AIR_PASSES, MOST_AIR_PASSES = 3, 8
@@ -171,6 +175,7 @@ class _Learner:
         self._air_passes = 0
         self._in_air_at = self._path.target  # what the tool has followed in air
         self._along = AlongCut()  # of the plan that is cut
+        self._axial = AxialHistory()
         self._homed = False
 
     def reference(self) -> RoundnessResult:
@@ -244,9 +249,13 @@ class _Learner:
         job = self._job
         # Some turns of the same feed, over the end of the part.
         short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
-        plan = self._plan_part(short, self._strategy, Stage.AIR, self._path)
+        # So short a cut has no length along which it could change.
+        path = CutPath(target=replace(self._path.target, axial=()), command=replace(self._path.command, axial=()))
+        plan = self._plan_part(
+            short, self._strategy, Stage.AIR, path
+        )  # so short a cut has no length to change along
         self._air_passes += 1
-        self._cutting, self._in_air_at = self._path, self._path.target
+        self._cutting, self._in_air_at = path, path.target
         watch = AirWatch(self._context.lathe, job.jaws, self._orders.samples_a_turn)
         self._cut_part(short, plan, "air", watch, self._air_passes)
         return self._error(watch.last())
@@ -309,7 +318,9 @@ class _Learner:
         gain = FIRST_GAIN if number == 1 else LATER_GAIN
         push = watch.left_push()
         tool_off = replace(tool_off, mean_um=tool_off.mean_um - push.in_middle_um)
-        learned, certificate = self._learn_from(trim_um, trace, tool_off, gain, push)
+        workshop = self._context.workshop
+        sections = () if workshop is None else sections_like(trace, workshop.sections())
+        learned, certificate = self._learn_from(trim_um, trace, tool_off, gain, push, sections)
         return LearnedPart(
             roundness=roundness_of(trace),
             whole=outcome.whole,
@@ -337,7 +348,13 @@ class _Learner:
         return workshop.indicate()
 
     def _learn_from(
-        self, trim_um: complex, trace: Trace, tool_off: Deviation, gain: float, push: Push = NO_PUSH
+        self,
+        trim_um: complex,
+        trace: Trace,
+        tool_off: Deviation,
+        gain: float,
+        push: Push = NO_PUSH,
+        sections: Sequence[TraceSection] = (),
     ) -> tuple[tuple[int, ...], tuple[CertifiedOrder, ...]]:
         """Put the trim and the part's correction into the table; return the learned harmonics, and of each why."""
         job, orders = self._job, self._orders
@@ -361,7 +378,27 @@ class _Learner:
         self._path = learned_part(kept, part, tool, self._response, gain, steps).add_push(push.um)
         orders.step(path, self._path)
         certificate = orders.certificate(left, found, tool_off, gains, self._watch.frozen_orders)
-        return tuple(sorted({*high, *missed})), certificate
+        return tuple(sorted({*high, *missed})), (*certificate, *self._learn_along(sections, push))
+
+    def _learn_along(self, sections: Sequence[TraceSection], push: Push) -> tuple[CertifiedOrder, ...]:
+        """Put what the sections of the part show along the cut into the path; return the certificate of it."""
+        orders = self._orders
+        if not self._how.along:
+            return ()
+        of_trace = partial(part_harmonics, job=self._job, filter_upr=FILTER_UPR, beside=orders.beside)
+        parts = parts_along(sections, self._job, self._machine, push.um, of_trace)
+        rules = AxialRules(
+            lobes=self._job.jaws,
+            orders=frozenset(orders.learned) - orders.varying,
+            chucked=frozenset(orders.learned) - {*orders.beside},
+            frozen=self._watch.frozen_orders,
+            scatter=orders.scatter,
+            follows=orders.follows,
+        )
+        steps = axial_steps(fit_axial(parts, self._along, rules.orders), self._path.target, rules, self._axial)
+        self._axial = self._axial.add(steps)
+        self._path = steps.applied(self._path, orders.follows)
+        return steps.certificate
 
     def _fold_trim(self, trim_um: complex, tool_off: Deviation) -> CutPath:
         """Return the path with the part of the trim that goes into its table."""

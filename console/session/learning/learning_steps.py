@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +42,10 @@ from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
 from drivers.identification.nominal import follows_by_order
 from drivers.simulator.plant.which_lathe import LATHE
+from profiles.arrays import read_only
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.grip import force_sd_n, lobe_um_per_n
+from profiles.compensations.axial_learning import fit_axial
 from profiles.compensations.causes import Cause, causes
 from profiles.compensations.certificate import ToolResponse, is_promised, promised_orders
 from profiles.compensations.learned_compensation import (
@@ -56,11 +59,16 @@ from profiles.compensations.learning import coefficient_of
 from profiles.compensations.next_version import AppliedPath, LearningStep, next_version
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import MOST_HARMONICS, MOST_MEAN_UM, CutPath, target_path
+from profiles.compensations.push import left_along_um
 from profiles.files import printable
 from profiles.job import Job
+from profiles.lobe.along import along_cut
+from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
+from profiles.metrology.cylindricity import PartSection
 from profiles.problem import Problem
 from profiles.store import LoadedJob, LoadedMachine
+from profiles.trace_files.sections import TraceSection
 from profiles.traces import Trace
 
 SIMULATED = ("simulated", "yes")  # header line of a simulated trace, which no gauge has measured
@@ -105,6 +113,7 @@ def learn_from_trace(
     robust: bool,
     date: str,
     extra: tuple[int, ...] = (),
+    sections: Sequence[TraceSection] = (),
 ) -> LearningOutcome:
     """Return the learning step from the trace of a part; `said` states its cut, see `made_with`.
 
@@ -126,7 +135,7 @@ def learn_from_trace(
     made = made_with(said, trace.meta, parts_made(cuts))
     its = next((data for kind, data, _ in cuts if made in parts_made([(kind, data, "")])), "{}")
     how: dict[str, Any] = {"gain": gain, "robust": robust, "date": date, "extra": extra}
-    how |= {"tool_um": tool_lobe_um(its), "push_um": push_um(its)}
+    how |= {"tool_um": tool_lobe_um(its), "push_um": push_um(its), "sections": sections}
     found = learn_from_part(trace, job, machine, data, made, identified, **how)
     return replace(found, warnings=(*cut_date_problems(cuts, asked.job), *found.warnings))
 
@@ -145,8 +154,11 @@ def learn_from_part(
     extra: tuple[int, ...] = (),
     tool_um: complex = 0j,
     push_um: float = 0.0,
+    sections: Sequence[TraceSection] = (),
 ) -> LearningOutcome:
     """Return the learning step from a part `made` in this way; the other arguments as for `learn_from_trace`.
+
+    `sections` of it teach what changes along Z.
 
     `tool_um` is the tool error of its cut at the order of the lobe, with jaw 1 as then; `push_um` the push left.
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
@@ -166,6 +178,10 @@ def learn_from_part(
     cut, part = of_mean_clamping(cut, part, made.fingerprint, filed.jaws, lambda n: follows(n).response)
     scatter = scatter_um(filed, machine.machine)
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
+    of_trace = partial(_part, job=filed, made=made, extra=extra, beside=beside, robust=robust)
+    parts = parts_along(sections, filed, machine.machine, push_um, of_trace)
+    how |= {"along": fit_axial(parts, along_cut(filed, machine.machine), (*orders, *beside))}
+    how |= {"in_phase": not strategy.traits.by_table}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
     step = _mark_repeated_trace(_compensate_push(step, push_um), known)
     return LearningOutcome(
@@ -176,6 +192,38 @@ def learn_from_part(
         harmonics=tuple(_left_harmonic(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
         causes=causes(part, cut, filed, tool_um=cut.tool_um, placed=part.is_placed),
     )
+
+
+def sections_like(trace: Trace, sections: Iterable[PartSection]) -> tuple[TraceSection, ...]:
+    """Return sections with what is said of a trace of the same placement, at the angles of which they are."""
+    return tuple(
+        TraceSection(
+            z_mm=each.z_mm,
+            trace=replace(trace, angle_deg=read_only(each.angle_deg), deviation_um=read_only(each.deviation_um)),
+        )
+        for each in sections
+    )
+
+
+def parts_along(
+    sections: Iterable[TraceSection],
+    job: Job,
+    machine: MachineProfile,
+    push_um: float,
+    harmonics: Callable[[Trace], PartHarmonics],
+) -> list[tuple[float, PartHarmonics]]:
+    """Return the `harmonics` of the sections within the cut, each with its place s.
+
+    The mean is without what `push_um` has left, which the path makes up for by itself.
+    """
+    half_mm, found = job.cut_length_mm / 2.0, []
+    for each in sections:
+        past_mm = math.inf if each.z_mm is None else middle_mm(job) - each.z_mm
+        if abs(past_mm) <= half_mm:
+            part = harmonics(each.trace)
+            left_um = float(left_along_um(push_um, job, machine, past_mm)) if push_um else 0.0
+            found.append((past_mm / half_mm, replace(part, mean_um=part.mean_um - left_um)))
+    return found
 
 
 def _compensate_push(step: LearningStep, push_um: float) -> LearningStep:

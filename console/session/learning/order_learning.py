@@ -52,12 +52,13 @@ ALWAYS_FITTED = (1, OVAL)  # run-out and oval of a blank would leak into the oth
 class LearnHow:
     """How parts teach: `every_order`, or the lobe and its overtones; by `optimal` gains, or by fixed ones.
 
-    With `fingerprint` an indicator shows the clamping of each part before it is cut.
+    With `fingerprint` an indicator shows the clamping of each part before it is cut; `along` learns from sections.
     """
 
     every_order: bool = True
     optimal: bool = True
     fingerprint: bool = False
+    along: bool = True
 
 
 class OrderLearning:
@@ -66,7 +67,7 @@ class OrderLearning:
     def __init__(self, job: Job, machine: MachineProfile, strategy: Strategy, how: LearnHow) -> None:
         self._lobes, self._how = job.jaws, how
         self._lobe_um = job.lobe_amplitude_um
-        self._scatter = scatter_um(job, machine) / self._lobe_um if self._lobe_um else 0.0
+        self.scatter = scatter_um(job, machine) / self._lobe_um if self._lobe_um else 0.0
         self.follows = follows_by_order(strategy, machine, job.spindle_speed_rpm)
         overtones = (self._lobes * each for each in OVERTONES)
         multiples = {self._lobes, *(n for n in overtones if is_promised(self.follows(n), LEAST_FOLLOWED))}
@@ -154,7 +155,7 @@ class OrderLearning:
         return lambda n: math.hypot(part.sd_um[n], self._clamped_um(n, abs(coefficient_of(path.target, n))))
 
     def _clamped_um(self, order: int, made_um: float) -> float:
-        return self._scatter * (self._lobe_um if order == self._lobes else made_um)
+        return self.scatter * (self._lobe_um if order == self._lobes else made_um)
 
     def teaches(self, order: int, left_um: complex, part: PartHarmonics) -> bool:
         """Whether what a part has left of an order teaches: the first time it has to stand out of the noise.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from profiles.compensations.learned_compensation import LearnedCompensation
 from profiles.compensations.next_version import LearningStep
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
+from profiles.trace_files.sections import TraceSection
 from profiles.traces import Trace
 
 RECORD_TIMEOUT_S = 1.0
@@ -47,6 +48,7 @@ def learning_of(
     trace: Trace,
     machine: LoadedMachine,
     data: Path,
+    sections: Sequence[TraceSection] = (),
 ) -> PartLearning:
     """Return the learning step from a part that was cut by `job` as saved; None if `name` was edited.
 
@@ -57,7 +59,7 @@ def learning_of(
         return PartLearning(made=made, problems=(Problem(code="learned.edited_part", key=name),))
     try:
         how: dict[str, Any] = {"gain": None, "robust": False, "date": utc_now()}
-        how |= {"tool_um": part.tool_lobe_um, "push_um": part.push_um}
+        how |= {"tool_um": part.tool_lobe_um, "push_um": part.push_um, "sections": sections}
         taught = learn_from_part(trace, job, machine, data, made, **how)
     except ProblemError as error:
         return PartLearning(made=made, problems=tuple(error.problems))

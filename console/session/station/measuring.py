@@ -16,7 +16,7 @@ from console.session.data.records import add_to_run
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file, refuse_unready
-from console.session.learning.learning_steps import as_cut
+from console.session.learning.learning_steps import as_cut, sections_like
 from console.session.learning.part_learning import learning_event, learning_of
 from console.session.learning.provenance import of_this_part
 from console.session.stages import Stage
@@ -42,9 +42,16 @@ def measure_simulated(context: StationContext) -> None:
     trace = context.shop.measure()
     sha256 = hashlib.sha256(trace.deviation_um.tobytes()).hexdigest()
     header, _ = header_of(trace.meta)
-    found = EvaluatedPart(trace=trace, header=header, turn=trace, job=started.job, judged=roundness_of(trace))
-    part = _judge_part(context, _just_cut(context, started), started.loaded, found, (GAUGE, sha256))
     sections = context.shop.sections()
+    found = EvaluatedPart(
+        trace=trace,
+        header=header,
+        turn=trace,
+        job=started.job,
+        judged=roundness_of(trace),
+        sections=sections_like(trace, sections),
+    )
+    part = _judge_part(context, _just_cut(context, started), started.loaded, found, (GAUGE, sha256))
     part = replace(part, whole=measured_whole(sections), sections=sections, section_z_mm=middle_mm(started.job))
     run_id = None if context.record is None else context.record.run_id
     part = replace(part, run_id=run_id)
@@ -152,7 +159,9 @@ def _judge_part(
         diameter_mm=found.mean_diameter_mm,
         tool_offset_um=found.tool_offset_um,
         marks_mm=context.state.marks_mm if cut.run_id is None else (),
-        learning=learning_of(loaded, job.name, cut, found.trace, context.loaded_machine, context.records),
+        learning=learning_of(
+            loaded, job.name, cut, found.trace, context.loaded_machine, context.records, found.sections
+        ),
         run_id=cut.run_id,
         proven=cut.proven,
     )

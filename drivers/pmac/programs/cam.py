@@ -30,7 +30,7 @@ from drivers.pmac.programs.cam_trim import TRIM_VALUES, TRIMMED_CUT, trim_segmen
 from drivers.pmac.programs.push import with_push
 from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S, RUN_DOWN, RUN_UP, SPINDLE_STEP
 from drivers.pmac.programs.setup import SERVO, CutSetup, cut_values, refuse_endless
-from profiles.compensations.path import LobedPath, chord_error, chord_scale
+from profiles.compensations.path import PLACES_ALONG, LobedPath, chord_error, chord_scale
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
@@ -125,7 +125,7 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Ca
 
 def column_count(command: LobedPath) -> int:
     """Return the fewest columns, the same number for each lobe, that keep the chord error within its limit."""
-    columns = 4 * max(wave.lobes for wave in command.harmonics)
+    columns = 4 * max(command.powers_um())
     columns += -columns % command.lobes
     while _chord_error_um(command, columns) > CHORD_LIMIT_UM:
         columns += command.lobes
@@ -134,8 +134,9 @@ def column_count(command: LobedPath) -> int:
 
 def _chord_error_um(command: LobedPath, columns: int) -> float:
     return sum(
-        wave.amplitude_um * command.along.largest(wave.lobes) * chord_error(columns / wave.lobes)
-        for wave in command.harmonics
+        float(np.abs(polyval(PLACES_ALONG, powers)).max()) * chord_error(columns / order)
+        for order, powers in command.powers_um().items()
+        if order
     )
 
 
@@ -144,12 +145,12 @@ def _corners_um(command: LobedPath, columns: int, past_mm: float, row_mm: float)
 
     The harmonics are scaled up to compensate the chords.
     """
-    along, angle_deg = command.along, 360.0 * np.arange(columns + 1) / columns
-    s, row = past_mm / along.half_length_mm, row_mm / along.half_length_mm
-    corners = np.full(columns + 1, _on_rows((0.0, *along.mean_um), s, row))
-    for wave in command.harmonics:
-        factor = _on_rows((1.0, *along.powers(wave.lobes)), s, row)
-        corners += chord_scale(columns / wave.lobes) * factor * wave.at_um(angle_deg)
+    angle = 2.0 * math.pi * np.arange(columns + 1) / columns
+    s, row = past_mm / command.along.half_length_mm, row_mm / command.along.half_length_mm
+    corners = np.full(columns + 1, -command.mean_um)
+    for order, powers in command.powers_um().items():
+        scale = chord_scale(columns / order) if order else 1.0
+        corners += scale * np.real(_on_rows(powers, s, row) * np.exp(1j * order * angle))
     return corners
 
 
@@ -158,17 +159,14 @@ def _row_mm(command: LobedPath) -> float:
 
     Over a distance d that is d^2 f'' / 8, of which `_on_rows` leaves half.
     """
-    along, s = command.along, np.linspace(-1.0, 1.0, 41)
-    bent_um = np.abs(polyval(s, polyder((0.0, *along.mean_um), 2)))
-    for wave in command.harmonics:
-        bent_um += wave.amplitude_um * np.abs(polyval(s, polyder((1.0, *along.powers(wave.lobes)), 2)))
-    most_um = float(bent_um.max())
-    return along.half_length_mm * math.sqrt(16.0 * ROW_LIMIT_UM / most_um) if most_um else math.inf
+    bent_um = [np.abs(polyval(PLACES_ALONG, polyder(powers, 2))) for powers in command.powers_um().values()]
+    most_um = float(np.sum(bent_um, axis=0).max())
+    return command.along.half_length_mm * math.sqrt(16.0 * ROW_LIMIT_UM / most_um) if most_um else math.inf
 
 
-def _on_rows(powers: Sequence[float], s: float, row: float) -> float:
+def _on_rows(powers: Sequence[complex], s: float, row: float) -> complex:
     """Return a polynomial in s at a row, so that straight lines from row to row are off to either side alike."""
-    return float(polyval(s, powers) - row**2 / 16.0 * polyval(s, polyder(powers, 2)))
+    return complex(polyval(s, powers) - row**2 / 16.0 * polyval(s, polyder(powers, 2)))
 
 
 def _rows(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> tuple[int, int, int, int]:
