@@ -1,19 +1,18 @@
 """How round parts in a row become on a simulated lathe that learns, over many seeds.
 
-RONt (LSC, 50 UPR, free) mid-cut of the first, the third and the last part in um, as median and worst of the seeds;
-`section` is that of the worst of five sections of the third part, and `CYLt` (MZCY) that of the first and the
-third part over the length. `floor` is the median of what a perfect controller of the same lathes leaves mid-cut,
-computed in `learning_floor`. `worse` counts the seeds whose third part is less round than their first, `in 3 um`
-those whose third part is within 3 um.
+RONt (LSC, 50 UPR, free) of the worst of five sections, and CYLt (MZCY) over them, of the first, the third and the
+last part in um, as median and worst of the seeds; `mid` is RONt mid-cut of the third. `floor` is the median of what
+a perfect controller of the same lathes leaves, that knows how their lobe changes along Z, computed in
+`learning_floor`. `worse` counts the seeds whose third part has a larger CYLt than their first.
 
 Each row of parts is told on the error output as it ends.
 
     python -m benchmarks.learning [--seeds 40] [--first 1] [--parts 10] [--plant realistic] [--clamping-sd 5]
         [--job JOB ...] [--how all|lobe|fixed|before ...] [--fingerprint]
 
-`--how`: `all` is as the console learns, `constant` the same with one amplitude along Z; `lobe` learns
-the lobe and its overtones alone; `fixed` has the gains 1 and 0.7 in place of the optimal ones; `before` both of
-these; `loop` is `all` with the gains of the tool that `console tune show` proposes for the first of these lathes.
+`--how`: `all` is as the console learns; `constant` has one amplitude along Z, and `middle` learns nothing of the
+sections off the middle; `lobe` learns the lobe and its overtones alone; `fixed` has the gains 1 and 0.7 in place of
+the optimal ones; `before` both of these; `loop` is `all` with the gains of the tool that `console tune show` proposes for the first of these lathes.
 `--job square` has four jaws, `six` has six. With `--fingerprint` an indicator shows each clamping before
 it is cut.
 """
@@ -37,7 +36,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.designed_loop import MACHINE, machine_text, proposed, sweep
-from benchmarks.learning_floor import floor_um
+from benchmarks.learning_floor import floor_of
 from benchmarks.measure import extent, print_table
 from console.__main__ import main as console
 from console.session.learning import learning
@@ -51,14 +50,14 @@ MADE = {
 }
 """Jobs that are the first one with another chuck."""
 
-PROMISED_UM = 3.0
 HOWS = {
     "all": LearnHow(),
     "lobe": LearnHow(every_order=False),
     "fixed": LearnHow(optimal=False),
     "before": LearnHow(every_order=False, optimal=False),
     "loop": LearnHow(),
-    "constant": LearnHow(),
+    "constant": LearnHow(along=False),
+    "middle": LearnHow(along=False),
 }
 CUT_MM = 8.0
 DESIGNED_FOR = "realistic", 1
@@ -168,38 +167,34 @@ def run(row: Row, seed: int) -> dict[str, Any] | None:
     if code:
         print(f"{row.job}, {row.how}, seed {seed}: ended, exit code {code}", file=sys.stderr, flush=True)
         return None
-    floor = floor_um(job, machine, row.plant, seed, row.clamping_sd)
-    result = {**json.loads(said.getvalue()), "floor_um": floor}
+    floor = floor_of(job, machine, row.plant, seed, row.clamping_sd)
+    result = {**json.loads(said.getvalue()), "floor": floor}
     parts = " ".join(f"{part['RONt_um']:.2f}/{part['CYLt_um']:.2f}" for part in result["passes"])
-    print(f"{row.job}, {row.how}, seed {seed}: {parts}; floor {floor:.2f}", file=sys.stderr, flush=True)
+    floors = f"{floor.ront_um:.2f}/{floor.cylt_um:.2f}"
+    print(f"{row.job}, {row.how}, seed {seed}: {parts}; floor {floors}", file=sys.stderr, flush=True)
     return result
-
-
-def lobe_um_pp(part: dict[str, Any]) -> float:
-    """Return what comes three times a turn, peak to peak."""
-    return 2.0 * next(float(h["amplitude_um"]) for h in part["harmonics"] if h["n"] == 3)
 
 
 def cells(row: Row, rows: Sequence[dict[str, Any] | None]) -> tuple[str, ...]:
     """Return the row of the table."""
     results = [each for each in rows if each is not None]
     if not results:
-        return (row.job, row.how, *["-"] * 9, f"{len(rows)} of {len(rows)}")
-    ront = [[float(part["RONt_um"]) for part in result["passes"]] for result in results]
+        return (row.job, row.how, *["-"] * 10, f"{len(rows)} of {len(rows)}")
     third = min(2, row.parts - 1)
-    shown = [[each[number] for each in ront] for number in (0, third, row.parts - 1)]
-    shown.append([max(s["RONt_um"] for s in result["passes"][third]["sections"]) for result in results])
-    shown += [[float(result["passes"][number]["CYLt_um"]) for result in results] for number in (0, third)]
-    worse = sum(each[third] > each[0] for each in ront)
-    within = sum(each[third] <= PROMISED_UM for each in ront)
-    floor = statistics.median(result["floor_um"] for result in results)
+    of = [result["passes"] for result in results]
+    worst = [[max(s["RONt_um"] for s in parts[at]["sections"]) for parts in of] for at in (0, third, -1)]
+    whole = [[float(parts[at]["CYLt_um"]) for parts in of] for at in (0, third, -1)]
+    floors = [result["floor"] for result in results]
+    worse = sum(after > first for first, after in zip(whole[0], whole[1], strict=True))
     return (
         row.job,
         row.how,
-        *map(_spread, shown),
-        f"{floor:.2f}",
+        _spread([float(parts[third]["RONt_um"]) for parts in of]),
+        *map(_spread, worst),
+        f"{statistics.median(each.worst_um for each in floors):.2f}",
+        *map(_spread, whole),
+        f"{statistics.median(each.cylt_um for each in floors):.2f}",
         f"{worse} of {len(results)}",
-        f"{within} of {len(results)}",
         f"{len(rows) - len(results)} of {len(rows)}",
     )
 
@@ -237,21 +232,8 @@ def main() -> None:
                 rows.append(
                     cells(row, list(pool.map(partial(run, row), range(asked.first, asked.first + asked.seeds))))
                 )
-    head = (
-        "job",
-        "how",
-        "first",
-        "third",
-        "last",
-        "section",
-        "CYLt first",
-        "third",
-        "floor",
-        "worse",
-        "in 3 um",
-        "ended",
-    )
-    print_table(f"{asked.plant}: um, median / worst", head, rows)
+    head = ("job", "how", "mid", "RONt first", "third", "last", "floor", "CYLt first", "third", "last", "floor")
+    print_table(f"{asked.plant}: um, median / worst", (*head, "worse", "ended"), rows)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks import learning_floor
-from benchmarks.learning_floor import floor_um
+from benchmarks.learning_floor import floor_of
 from profiles.compensations.certificate import OrderStatus, ToolResponse, promised_orders
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
@@ -138,7 +138,7 @@ PASSED_3 = math.exp(-math.log(2.0) * (3 / 50) ** 2)  # Gaussian filter of 50 UPR
 def floor(tmp_path: Path, plant: str, sd_percent: float | None = None, seed: int = 1) -> float:
     path = tmp_path / "plant.toml"
     path.write_text(f"schema = 1\n{plant}", encoding="utf-8")
-    return floor_um(JOB, MACHINE, str(path), seed, sd_percent)
+    return floor_of(JOB, MACHINE, str(path), seed, sd_percent).ront_um
 
 
 def test_a_lathe_that_repeats_everything_has_none(tmp_path: Path) -> None:
