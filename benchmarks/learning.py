@@ -1,8 +1,8 @@
 """How round parts in a row become on a simulated lathe that learns, over many seeds.
 
 RONt (LSC, 50 UPR, free) of the worst of five sections, and CYLt (MZCY) over them, of the first, the third and the
-last part in um, as median and worst of the seeds; `mid` is RONt mid-cut of the third. `floor` is the median of what
-a perfect controller of the same lathes leaves, that knows how their lobe changes along Z, computed in
+last part in um, as median and worst of the seeds; `mid` is RONt mid-cut of the third. `floor` is the median of
+what a perfect controller of the same lathes leaves, that knows how their lobe changes along Z, computed in
 `learning_floor`. `worse` counts the seeds whose third part has a larger CYLt than their first.
 
 Each row of parts is told on the error output as it ends.
@@ -11,10 +11,10 @@ Each row of parts is told on the error output as it ends.
         [--job JOB ...] [--how all|lobe|fixed|before ...] [--fingerprint]
 
 `--how`: `all` is as the console learns; `constant` has one amplitude along Z, and `middle` learns nothing of the
-sections off the middle; `lobe` learns the lobe and its overtones alone; `fixed` has the gains 1 and 0.7 in place of
-the optimal ones; `before` both of these; `loop` is `all` with the gains of the tool that `console tune show` proposes for the first of these lathes.
-`--job square` has four jaws, `six` has six. With `--fingerprint` an indicator shows each clamping before
-it is cut.
+sections off the middle; `lobe` learns the lobe and its overtones alone; `fixed` has the gains 1 and 0.7 in place
+of the optimal ones; `before` both of these; `loop` is `all` with the gains of the tool that `console tune show`
+proposes for the first of these lathes. `--job square` has four jaws, `six` has six, `long` a cut of 40 mm. With
+`--fingerprint` an indicator shows each clamping before it is cut.
 """
 
 from __future__ import annotations
@@ -43,12 +43,13 @@ from console.session.learning import learning
 from console.session.learning.order_learning import LearnHow
 from profiles.store import load_job, load_machine
 
-JOBS = ("lee-2001-experiment-1", "two-jaw-tube", "square", "six")
+JOBS = ("lee-2001-experiment-1", "two-jaw-tube", "square", "six", "long")
 MADE = {
     "square": {"jaws": 4, "lobe_jaws": 4, "lobe_error_um_pp": 20.0},
     "six": {"jaws": 6, "lobe_jaws": 6, "lobe_error_um_pp": 12.0},
+    "long": {"overhang_mm": 60.0, "cut_length_mm": 40.0, "lobe_overhang_mm": 60.0, "lobe_error_um_pp": 15.0},
 }
-"""Jobs that are the first one with another chuck."""
+"""Jobs that are the first one with another chuck, or longer, at the force of the first one."""
 
 HOWS = {
     "all": LearnHow(),

@@ -1,8 +1,8 @@
 """What a perfect controller of a simulated lathe leaves on a part, by formulas of our own: mid-cut, and along it.
 
-It knows all that repeats, at every Z, and its tool follows any path. It does not know this clamping's force, nor the form of
-this blank, which a part that gives way copies, nor what the spindle does not repeat from turn to turn; and the
-gauge has its noise. Lobe, second harmonic and the oval of an unequal jaw are proportional to the force that holds
+It knows all that repeats, at every Z, and its tool follows any path. It does not know this clamping's force, nor
+the form of this blank, which a part that gives way copies, nor what the spindle does not repeat from turn to
+turn; and the gauge has its noise. Lobe, second harmonic and the oval of an unequal jaw are proportional to the force that holds
 the part at speed (docs/plant.md).
 """
 

@@ -51,6 +51,10 @@ _OUTSIDE = 1e-13
 _WEIGHTLESS = 1e-9
 _MOST_EXCHANGES = 5000
 _NO_STEP = 1e-12
+_NEAR, _ROUNDS = 100.0, 50
+"""Excess over the tolerance that may be rounding, and how often it is met until that is taken for the end: where
+many points touch alike, as those of a profile that is the same in each section, contacts of one optimum replace
+each other without end."""
 _SMALLEST_PIVOT = 1e-10
 # Rate, per step of the centre, below which a point keeps its distance: the contacts of the circle.
 _KEEPS_DISTANCE = 1e-9
@@ -184,14 +188,15 @@ def exchange_basis(
     never observed on a sound profile.
     """
     basis = basis.copy()
-    careful = False
+    careful, near = False, 0
     for _ in range(_MOST_EXCHANGES):
         inverse = np.linalg.inv(columns[:, basis])
         weights, prices = inverse @ rhs, gains[basis] @ inverse
         excess = excess_of(prices)
         excess[basis] = 0.0
         entering = int(np.argmax(excess > tolerance)) if careful else int(np.argmax(excess))
-        if excess[entering] <= tolerance:
+        near += excess[entering] <= _NEAR * tolerance
+        if excess[entering] <= tolerance or near > _ROUNDS:
             return Optimum(basis=basis, weights=np.maximum(weights, 0.0), prices=prices)
         direction = inverse @ columns[:, entering]
         rows = np.flatnonzero(direction > _SMALLEST_PIVOT)

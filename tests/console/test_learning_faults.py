@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pytest import MonkeyPatch
 
-from benchmarks.learning import OFF, lobe_um_pp
+from benchmarks.learning import OFF
 from console.session.cut.engine import CutContext, PartStep
 from console.session.cut.run import plan_run
 from console.session.learning import learning
@@ -36,6 +37,10 @@ pytestmark = [pytest.mark.timeout(300), pytest.mark.long]
 
 HALF_MM, QUARTER_MM = "4.0", "2.0"
 """Half and a quarter of the cut of the paper's jobs: there is less to learn from, and the limits are the same."""
+
+
+def lobe_um_pp(part: dict[str, Any]) -> float:
+    return 2.0 * next(float(each["amplitude_um"]) for each in part["harmonics"] if each["n"] == 3)
 
 
 def test_the_third_part_is_as_the_machine(console: Console, close: tuple[str, str], job_file: JobFile) -> None:

@@ -110,6 +110,19 @@ def test_taper_crown_and_a_bent_axis_are_told_apart() -> None:
     assert bent.cylinder(MINIMUM_ZONE).cylt_um == pytest.approx(2.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("points", [720, 3600])
+def test_a_profile_that_is_the_same_in_each_section_touches_at_many_points_alike(points: int) -> None:
+    """An oval of 2 um as a gauge writes it, to 0.01 um: the zone is that of one section."""
+    angle_deg = np.arange(points) * 360.0 / points
+    oval_um = np.round(np.cos(2.0 * np.radians(angle_deg)), 2)
+    sections = [
+        PartSection(z_mm=z_mm, angle_deg=angle_deg, deviation_um=oval_um) for z_mm in (-3.2, -1.6, 0.0, 1.6, 3.2)
+    ]
+    found = evaluate_cylinder(sections, radius_mm=26.0, filter_upr=None)
+    assert found.cylinder("MZCY").cylt_um == pytest.approx(2.0, abs=1e-4)
+    assert found.cylinder("MCCY").cylt_um == pytest.approx(2.0, abs=0.05)
+
+
 def test_two_heights_are_no_cylinder() -> None:
     with pytest.raises(ProfileError) as caught:
         evaluate_cylinder(part({0.0: np.zeros(360), 5.0: np.zeros(360)}))
