@@ -2,8 +2,8 @@
 
 It knows all that repeats, at every Z, and its tool follows any path. It does not know this clamping's force, nor
 the form of this blank, which a part that gives way copies, nor what the spindle does not repeat from turn to
-turn; and the gauge has its noise. Lobe, second harmonic and the oval of an unequal jaw are proportional to the force that holds
-the part at speed (docs/plant.md).
+turn; and the gauge has its noise. Lobe, second harmonic and the oval of an unequal jaw are proportional to the
+force that holds the part at speed (docs/plant.md).
 """
 
 from __future__ import annotations

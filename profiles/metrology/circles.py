@@ -51,7 +51,7 @@ _OUTSIDE = 1e-13
 _WEIGHTLESS = 1e-9
 _MOST_EXCHANGES = 5000
 _NO_STEP = 1e-12
-_NEAR, _ROUNDS = 100.0, 50
+_NEAR, _ROUNDS = 1000.0, 50
 """Excess over the tolerance that may be rounding, and how often it is met until that is taken for the end: where
 many points touch alike, as those of a profile that is the same in each section, contacts of one optimum replace
 each other without end."""

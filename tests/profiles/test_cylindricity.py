@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from profiles.arrays import Floats
+from profiles.arrays import Floats, floats
 from profiles.metrology.cylindricity import (
     CYLINDERS,
     LEAST_SQUARES,
@@ -114,7 +114,7 @@ def test_taper_crown_and_a_bent_axis_are_told_apart() -> None:
 def test_a_profile_that_is_the_same_in_each_section_touches_at_many_points_alike(points: int) -> None:
     """An oval of 2 um as a gauge writes it, to 0.01 um: the zone is that of one section."""
     angle_deg = np.arange(points) * 360.0 / points
-    oval_um = np.round(np.cos(2.0 * np.radians(angle_deg)), 2)
+    oval_um = floats(np.round(np.cos(2.0 * np.radians(angle_deg)), 2))
     sections = [
         PartSection(z_mm=z_mm, angle_deg=angle_deg, deviation_um=oval_um) for z_mm in (-3.2, -1.6, 0.0, 1.6, 3.2)
     ]
