@@ -40,6 +40,8 @@ class Token(IntEnum):  # the hash of an int is at hand, and lines are looked up 
     AFTER = auto()
     COMMAND = auto()
     WANTED = auto()
+    HIGH = auto()  # on a map of a surface
+    LOW = auto()
 
 
 Palette = Mapping[Token, Style]  # a style for every token: a strip without a style is not drawn safely
@@ -104,6 +106,8 @@ def palette_of(colours: Colours) -> Palette:
         Token.AFTER: on(colours.after),
         Token.COMMAND: on(colours.before),
         Token.WANTED: on(colours.after),
+        Token.HIGH: on(colours.before),
+        Token.LOW: on(colours.after),
     }
 
 

@@ -39,6 +39,8 @@ def _of_upright_dots(bits: int) -> str:
 TABLE = {
     **dict.fromkeys(range(0x2500, 0x2580), "+"),  # lines and their crossings; blocks after them
     **dict.fromkeys(range(0x2580, 0x25A0), "#"),
+    **{ord(shade): plain for shade, plain in zip("░▒▓", "+%#", strict=True)},
+    ord("▴"): "^",
     ord("═"): "=",
     ord("║"): "|",
     **LIKE,
