@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import groupby
@@ -160,9 +160,16 @@ def plan() -> CutPlan:
     return plan_cut(JOB, MACHINE, Strategy.PVT)
 
 
-def cut(*, last_um: float = 0.0, first_um: float = 0.0, leaves_at: int = 0) -> tuple[CutFigures, int]:
+def cut(
+    *,
+    last_um: float = 0.0,
+    first_um: float = 0.0,
+    leaves_at: int = 0,
+    off_at: Callable[[float], float] = lambda _: 0.0,
+) -> tuple[CutFigures, int]:
     """A tool `OFF_UM` too deep, and so many um in the turns before the part and in the last one.
 
+    It is further off by `off_at` mm past the middle of the cut, um.
     From poll `leaves_at` on the program ends early: the tool retracts over the part. Returns the figures, and how
     many polls are of the part, but for its last turn.
     """
@@ -179,6 +186,7 @@ def cut(*, last_um: float = 0.0, first_um: float = 0.0, leaves_at: int = 0) -> t
         if leaves_at and number >= leaves_at:
             off_um = -5.0 * (number - leaves_at + 1)
         past_mm = (carriage - setup.carriage_middle) / MACHINE.carriage.counts_per_mm
+        off_um += off_at(past_mm)
         tool = setup.surface + per_um * float(plan().target.at_um(360.0 * turn, past_mm) + off_um)
         places = ((tool, LAG_UM * per_um), (turn * setup.counts_per_turn, 0.0), (carriage, 0.0))
         axes = [AxisState(position=float(at), following_error=lag, flags=frozenset()) for at, lag in places]
@@ -203,6 +211,21 @@ def test_the_figures_are_those_of_the_part_without_its_last_turn() -> None:
     assert found.spindle_speed_rpm == pytest.approx(1000.0, rel=1e-6)
     assert (found.tool_error_um, found.tool_error_rms_um) == pytest.approx((OFF_UM, OFF_UM), rel=1e-3)
     assert (found.following_error_um, found.following_error_rms_um) == pytest.approx((LAG_UM, LAG_UM))
+
+
+def test_each_stretch_along_z_has_its_own_tool_error() -> None:
+    """The cut of 8 mm ends 22 mm in front of the jaws; the tool is 2 um less deep past its middle."""
+    found, _ = cut(off_at=lambda past_mm: -2.0 if 0.8 < past_mm < 2.4 else 0.0)
+    ends = [(each.from_z_mm, each.to_z_mm) for each in found.stretches]
+    assert ends == pytest.approx([(30.0, 28.4), (28.4, 26.8), (26.8, 25.2), (25.2, 23.6), (23.6, 22.0)])
+    errors_um = [each.error_um for each in found.stretches]
+    assert errors_um == pytest.approx([OFF_UM, OFF_UM, OFF_UM, 2.0 - OFF_UM, OFF_UM], rel=1e-3)
+
+
+def test_a_stretch_that_was_not_cut_has_no_error() -> None:
+    errors_um = [each.error_um for each in cut(leaves_at=200)[0].stretches]
+    assert errors_um[0] == pytest.approx(OFF_UM, rel=1e-3)
+    assert errors_um[-1] is None
 
 
 def test_a_tool_that_leaves_the_part_early_ends_its_figures() -> None:

@@ -23,6 +23,7 @@ from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import CutRecorder, LogRecorder, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
 from console.session.cut.simulated_parts import LatheParts, lathe_setup
+from console.session.cut.telemetry import stretches_event
 from console.session.data.kept_files import RunDates
 from console.session.data.learned_store import NONE
 from console.session.data.measured_part import FINGERPRINT, MODEL, MadeWith, tool_event
@@ -49,6 +50,7 @@ from console.session.station.machine_connection import (
     reach,
 )
 from console.session.tuning.stated_filter import stated_filter_problems
+from console.text.along_length import stretch_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from console.text.part_sentences import (
@@ -116,7 +118,7 @@ def result_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "within_tolerance": result.within_tolerance,
         **fields_of(figures, "tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um"),
         **tool_event(figures.tool_lobe_um, figures.push_um),
-        **figures.verdict.event(),
+        **figures.event(),
         **force_event(result.force),
         "telemetry_samples": figures.samples,
         "segment_ms": plan.cut.segment_ms,
@@ -210,6 +212,7 @@ def _run_lines(result: RunResult, text: Catalogue) -> list[str]:
     facts = [
         (text("run.spindle"), f"{figures.spindle_speed_rpm:.1f} rpm, {result.lobe_frequency_hz:.2f} Hz"),
         (text("run.tool_error"), f"{figures.tool_error_um:.2f} um, rms {figures.tool_error_rms_um:.2f} um"),
+        (text("stretches.title"), stretch_words(stretches_event(figures.stretches), text)),
         (
             text("run.following"),
             f"{figures.following_error_um:.2f} um, rms {figures.following_error_rms_um:.2f} um",

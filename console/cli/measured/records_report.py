@@ -14,6 +14,7 @@ from console.session.data.run_facts import origin_facts, setup_facts
 from console.session.data.run_reader import RunFilters, runs, story
 from console.session.data.run_rows import MODEL, RunRow
 from console.session.data.run_story import POLLED, RecordedTelemetry, RunEvent, RunStory
+from console.text.along_length import stretch_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table, wrap_text
 from console.text.part_sentences import verdict_words
@@ -201,6 +202,8 @@ def _story_lines(found: RunStory, text: Catalogue, lathe: str) -> list[str]:
     row = found.row
     judged, timed = verdict_words(found.cut_verdict, text), timed_words(found, text)
     planned = _indent_lines([f"{text('run.cut_verdict')}: {judged}"] if judged else [])
+    if along := stretch_words(found.cut_verdict, text):
+        planned += _indent_lines([f"{text('stretches.title')}: {along}"])
     lines = [*row_lines(row, text, lathe), *planned, "", *table(_facts(found, text))]
     for name, told in (
         ("parts", [_part_line(part, text) for part in found.parts]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,40 @@ Row = tuple[float, float, float, float, float]
 """Time in s; tool and spindle in counts; distance past the middle of the cut in mm; following error in counts."""
 
 
+STRETCHES = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutStretch:
+    """A stretch of a cut, Z in mm in front of the jaws: it begins at its end towards the free end.
+
+    `error_um` is the largest distance of the tool from its target path in it, None before it was polled there.
+    """
+
+    from_z_mm: float
+    to_z_mm: float
+    error_um: float | None = None
+
+
+def planned_stretches(job: Job) -> tuple[CutStretch, ...]:
+    """Return equal stretches of the cut of a job in the order in which they are cut."""
+    ends = [job.overhang_mm - job.cut_length_mm * end / STRETCHES for end in range(STRETCHES + 1)]
+    return tuple(CutStretch(from_z_mm=first, to_z_mm=last) for first, last in itertools.pairwise(ends))
+
+
+def with_error(stretches: tuple[CutStretch, ...], past_face_mm: float, error_um: float) -> tuple[CutStretch, ...]:
+    """Return the stretches with an error, um, of the tool this far past the face of the part."""
+    fraction = past_face_mm / (stretches[0].from_z_mm - stretches[-1].to_z_mm)
+    place = min(max(int(STRETCHES * fraction), 0), STRETCHES - 1)
+    here = replace(stretches[place], error_um=max(abs(error_um), stretches[place].error_um or 0.0))
+    return (*stretches[:place], here, *stretches[place + 1 :])
+
+
+def stretches_event(stretches: tuple[CutStretch, ...]) -> dict[str, object]:
+    """Return the stretches as JSON and the record have them."""
+    return {"stretches": [asdict(each) for each in stretches]}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutFigures:
     """Figures of one cut, from the controller's own positions.
@@ -50,7 +84,8 @@ class CutFigures:
     commanded ahead of the servo's lag has a large following error and a small tool error. `tool_lobe_um` is the
     harmonic of the tool error at the order of the lobe, once the chip is full: Re(c exp(j N angle)), spindle
     angles, infeed positive; 0 where too few polls fell into the cut. `push_um` is what the cut has pushed the tool
-    at its entry, beyond what the path makes up for. `verdict` is that on the whole cut.
+    at its entry, beyond what the path makes up for. `stretches` have the tool error along Z. `verdict` is that on
+    the whole cut.
     """
 
     spindle_speed_rpm: float
@@ -61,7 +96,12 @@ class CutFigures:
     samples: int
     tool_lobe_um: complex = 0j
     push_um: float = 0.0
+    stretches: tuple[CutStretch, ...] = ()
     verdict: CutVerdict = NO_VERDICT
+
+    def event(self) -> dict[str, object]:
+        """Return verdict and stretches as JSON and the record have them."""
+        return {**self.verdict.event(), **stretches_event(self.stretches)}
 
 
 def is_leaving(error_um: float, peak_um: float) -> bool:
@@ -129,7 +169,14 @@ class Telemetry:
             samples=len(self._rows),
             tool_lobe_um=lobe_um,
             push_um=push_um,
+            stretches=self._stretches(error_um),
         )
+
+    def _stretches(self, error_um: Floats) -> tuple[CutStretch, ...]:
+        stretches, half_mm = planned_stretches(self._job), 0.5 * self._job.cut_length_mm
+        for (_, _, _, past_mm, _), each_um in zip(self._rows, error_um.tolist(), strict=True):
+            stretches = with_error(stretches, past_mm + half_mm, each_um)
+        return stretches
 
     def _lobe_and_push(self, error_um: Floats) -> tuple[complex, float]:
         """Return the error at the order of the lobe, and the push of the cut from what no order makes."""

@@ -542,7 +542,7 @@ def _finish(context: StationContext, watched: _CutPublisher, end: CutEnd, force:
     context.tell(cut=ended, cut_done=done)
     made = {} if context.started is None else context.started.made.event()
     if end.figures is not None:
-        made |= tool_event(end.figures.tool_lobe_um, end.figures.push_um) | end.figures.verdict.event()
+        made |= tool_event(end.figures.tool_lobe_um, end.figures.push_um) | end.figures.event()
     made |= force_event(force)
     context.note(
         "held" if end.held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made

@@ -195,7 +195,7 @@ class CutProgress:
     `adjusted` is what was changed of the running cut. Times go with its override; error and phase are against the
     target of the job, so that they show what a trim does; `path_phase` is that against the trimmed path. `changed`
     is what was changed of a cut that has ended, None if nothing was; `force` what the force of one in the half
-    stage says of sign and angle.
+    stage says of sign and angle. `stretches` have the tool error along Z so far.
     """
 
     stage: CutStage
@@ -232,6 +232,7 @@ class CutProgress:
     expected_lag: Lag = NO_LAG
     changed: CutChange | None = None
     force: ForceNull | None = None
+    stretches: tuple[telemetry.CutStretch, ...] = ()
 
     @property
     def in_phase(self) -> bool | None:
@@ -342,6 +343,7 @@ class CutTracker:
         self._untrimmed: deque[tuple[float, float]] = deque(maxlen=PHASE_POLLS)  # as they would be without a trim
         self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_POLLS)
         self._peak_um = self._reached_mm = 0.0
+        self._stretches = telemetry.planned_stretches(job)
         self._held = self._over = False
         self._judged = plan.strategy.traits.follows_lobe
         self._phase_limit_deg = telemetry.phase_limit_deg(plan.target, job.roundness_tolerance_um)
@@ -410,6 +412,7 @@ class CutTracker:
             if AxisName.SPINDLE in snapshot.driven:
                 self._turning.append((snapshot.spindle.position, snapshot.spindle.following_error))
             self._peak_um = max(self._peak_um, abs(error_um))
+            self._stretches = telemetry.with_error(self._stretches, self._past_face_mm(snapshot), error_um)
         elif stage is CutStage.RUN_UP and self._errors:
             # A program stopped by somebody else leaves the tool where it is.
             stage = CutStage.CUT if cutting else CutStage.RETRACT
@@ -469,6 +472,7 @@ class CutTracker:
             errors_um=errors,
             phase_limit_deg=self._phase_limit_deg,
             expected_lag=self._expected_lag,
+            stretches=self._stretches,
         )
 
     def _done_mm(self, snapshot: Snapshot, stage: CutStage) -> float:

@@ -9,6 +9,7 @@ from typing import ClassVar
 from rich.cells import cell_len
 
 from console.session.cut.compensated_cut import with_news
+from console.session.cut.telemetry import stretches_event
 from console.session.guide.refusals import find_refusals
 from console.session.guide.rows import RUN, row_of
 from console.session.guide.situation import GuidePhase, Situation, phase_of
@@ -30,6 +31,7 @@ from console.session.station.commands import (
 from console.session.station.jogging import clears_tables
 from console.session.station.state import Activity
 from console.session.work import Work, changed_since_opened
+from console.text.along_length import stretch_words
 from console.text.catalogue import Catalogue
 from console.tui.align.jog_presses import JogPresses, ReportedStrokes
 from console.tui.application.key_releases import Stroke
@@ -288,7 +290,9 @@ class RunPage(Page):
             case GuidePhase.CUTTING if state.cut is not None:
                 live = live_lines(text, state.cut, view.job, facts)
                 changed = adjust_in_full(text, state.cut, self._adjusts, width)
-                return [*moment_in_full(text, state.cut, error_band(state.cut), width), *changed, BLANK, *live]
+                along = wrap_line(stretch_words(stretches_event(state.cut.stretches), text, "brief"), width)
+                moment = [*moment_in_full(text, state.cut, error_band(state.cut), width), *along]
+                return [*moment, *changed, BLANK, *live]
         moves = [] if state.armed is None else run_lines.moves_lines(text, state.armed, machine, width)
         rows = [] if view.work is None else run_lines.summary_lines(text, state, view.work, view.now_s, facts)
         found = run_lines.check_lines(text, checks(state, view.work, machine), width)

@@ -19,6 +19,7 @@ from console.session.station.jogging import tool_radius_mm
 from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import ArmedCut, StationState
 from console.session.work import Work
+from console.text.along_length import stretch_words
 from console.text.catalogue import Catalogue
 from console.text.forces import short_span_words
 from console.text.part_sentences import force_words, tool_words
@@ -158,9 +159,11 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     ]
     figures, notes = cut.figures, ["no_figures"]
     if figures is not None:
+        peak = text.units.show(figures.tool_error_um, "um", 2)
+        where = stretch_words(figures.event(), text, "where")
         pairs += [
             ("speed", f"{figures.spindle_speed_rpm:.1f} rpm"),
-            ("error_peak", text.units.show(figures.tool_error_um, "um", 2) if cut.judged else NOTHING),
+            ("error_peak", f"{peak} {where}" if cut.judged else NOTHING),
             ("error_rms", text.units.show(figures.tool_error_rms_um, "um", 2) if cut.judged else NOTHING),
             *_phase_pair(text, cut),
             ("following_peak", text.units.show(figures.following_error_um, "um", 2)),

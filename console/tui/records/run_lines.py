@@ -6,6 +6,7 @@ from console.session.data.measured_part import RecordedPart
 from console.session.data.run_facts import FactKind, origin_facts, setup_facts
 from console.session.data.run_rows import RunOutcome, RunRow, recorded_problems
 from console.session.learning.opened_run import JobNow, OpenedRun
+from console.text.along_length import stretch_words
 from console.text.catalogue import Catalogue
 from console.text.part_sentences import verdict_words
 from console.text.recorded_words import (
@@ -60,6 +61,8 @@ def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     lines += wrap_line(ended, width, Token.TEXT if row.ended.how is RunOutcome.DONE else Token.WARNING)
     if judged := verdict_words(run.story.cut_verdict, text):
         lines += wrap_line(f"{text('run.cut_verdict')}: {judged}", width, Token.TEXT)
+    if along := stretch_words(run.story.cut_verdict, text):
+        lines += wrap_line(f"{text('stretches.title')}: {along}", width, Token.TEXT)
     if row.simulated:
         lines += wrap_line(text("inspect_page.simulated"), width, Token.SIM)
     return lines

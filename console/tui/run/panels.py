@@ -6,9 +6,11 @@ from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 
 from console.session.cut.alignment import JawAngle
+from console.session.cut.telemetry import stretches_event
 from console.session.guide.situation import GuidePhase
 from console.session.guide.start_checks import checks
 from console.session.station.progress import CutProgress
+from console.text.along_length import stretch_words
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, clip_lines, dim, entitle, line, wrap_line
 from console.tui.pages import run_lines
 from console.tui.pages.cut_lines import large_lines, live_lines, mean_error_um, progress_line, values_title
@@ -108,7 +110,8 @@ class RunPanels:
     def _show_cut(self, cut: CutProgress, view: View, adjusts: Adjustable, *, roomy: bool) -> None:
         text, size = self._ui.text, self._values.size
         where = text("run_page.cut_in_air" if cut.in_air else "run_page.cut")
-        self._progress.show([progress_line(text, cut, self._progress.size.width)], where)
+        along = stretch_words(stretches_event(cut.stretches), text, "brief") if cut.judged else ""
+        self._progress.show([progress_line(text, cut, self._progress.size.width)], where, along)
         width = min(size.width, WIDEST_FACT)
         rows = live_lines(text, cut, view.job, width)
         inputs = run_lines.input_lines(text, view.state.snapshot, width, size.height - len(rows))
