@@ -31,6 +31,7 @@ from console.report.verdict import SIGNS, Judgement
 from console.session.data.measured_part import RecordedPart
 from console.session.learning.evaluated_part import EvaluatedPart
 from console.session.learning.opened_run import OpenedRun
+from console.text.along_length import form_words, section_rows
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import is_plain, part_words
 from profiles.arrays import Floats
@@ -53,6 +54,7 @@ def write_measurement(run: OpenedRun, text: Catalogue) -> Markup:
         _describe_evaluation(run, text),
         _plots(run, text),
         _figures(run, text),
+        _sections(run, text),
         _diameters(run, text),
         _harmonics(run, text),
         _all_parts(run, text),
@@ -271,6 +273,15 @@ def _figures(run: OpenedRun, text: Catalogue) -> Markup | None:
     ]
     rows.append([text("report.eccentricity"), *(number(f.result.eccentricity_um, 3) for _, f in pair)])
     return table(text("report.figures"), head, rows, numeric=range(1, len(head)))
+
+
+def _sections(run: OpenedRun, text: Catalogue) -> Markup | None:
+    """Return the form of the product over its length, with its sections, or where its one section is."""
+    data = {} if run.product is None else run.product.data
+    form, rows = form_words(data, text), section_rows(data, text)
+    if not rows:
+        return paragraph(form) if form else None
+    return element("div", table(text("run.whole"), rows[0], rows[1:], numeric=(0, 1, 2)), paragraph(form))
 
 
 def _diameters(run: OpenedRun, text: Catalogue) -> Markup | None:

@@ -38,8 +38,46 @@ def stretch_words(event: Mapping[str, Any], text: Catalogue, form: str = "words"
 
     return text(
         f"stretches.{form}",
-        errors=" · ".join(shown(row["error_um"]) for row in rows),
+        errors=("  " if form == "brief" else " · ").join(shown(row["error_um"]) for row in rows),
         worst=shown(worst["error_um"]),
         first=unit.figure(worst["from_z_mm"] or 0.0, "mm", 1),
         last=unit.figure(worst["to_z_mm"] or 0.0, "mm", 1),
     )
+
+
+def form_words(event: Mapping[str, Any], text: Catalogue) -> str:
+    """Return CYLt with its sections and the worst of them; of one section its Z. "" if neither was kept."""
+    rows, z_mm = _sections(event), number_or_none(event.get("section_z_mm"))
+    cylt_um, taper_um = (number_or_none(event.get(f"{name}_um")) for name in ("CYLt", "taper"))
+    if not rows or cylt_um is None or taper_um is None:
+        return "" if z_mm is None else text("sections.one", z=text.units.show(z_mm, "mm", 2))
+    worst_mm, ront_um, _ = max(rows, key=lambda row: row[1])
+    return text(
+        "run.whole_part",
+        cylt=f"{cylt_um:.2f}",
+        count=len(rows),
+        first=f"{rows[-1][0]:.1f}",
+        last=f"{rows[0][0]:.1f}",
+        worst=f"{worst_mm:.1f}",
+        ront=f"{ront_um:.2f}",
+        taper=f"{taper_um:+.1f}",
+    )
+
+
+def section_rows(event: Mapping[str, Any], text: Catalogue) -> list[tuple[str, ...]]:
+    """Return the sections as a table with its heading, from the free end down, the worst marked; [] of one."""
+    rows, unit = _sections(event), text.units
+    worst_um, um = max((ront_um for _, ront_um, _ in rows), default=None), unit.unit("um")
+    heading = (f"Z, {unit.unit('mm')}", f"RONt, {um}", f"{text('roundness.mean')}, {um}", "")
+    table: list[tuple[str, ...]] = [heading] if rows else []
+    for z_mm, ront_um, mean_um in rows:
+        figures = (unit.figure(z_mm, "mm", 1), unit.figure(ront_um, "um", 2), unit.figure(mean_um, "um", 1, "+"))
+        table.append((*figures, text("sections.is_worst") if ront_um == worst_um else ""))
+    return table
+
+
+def _sections(event: Mapping[str, Any]) -> list[tuple[float, float, float]]:
+    """Return Z, RONt and mean deviation of the sections, from the free end down."""
+    rows = (tuple(row.values()) for row in rows_of(event, "sections", "z_mm", "RONt_um", "mean_um"))
+    known = [(z, um, mean) for z, um, mean in rows if z is not None and um is not None and mean is not None]
+    return sorted(known, reverse=True)

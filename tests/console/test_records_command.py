@@ -139,13 +139,15 @@ def test_a_cut_without_a_screen_is_found_and_taken_elsewhere(
     assert told.job_text == job.read_text(encoding="utf-8") and told.complete and told.controller
     assert told.parts[1].trace == file.read_bytes()  # the same file as that of --part
     done = console("records", "export", str(out), "--traces", "--telemetry", "--json").json
-    assert (done["runs"], done["files"], done["warnings"]) == (1, 4, [])
+    assert (done["runs"], done["files"], done["warnings"]) == (1, 6, [])
     (row,) = csv.DictReader((out / "runs.csv").read_text(encoding="utf-8").splitlines())
     assert (row["run"], row["simulated"], float(row["ront_um"])) == (run["run"], "True", run["ront_um"])
     (line,) = (out / "runs.jsonl").read_text(encoding="utf-8").splitlines()
     assert json.loads(line)["machine_text"] == told.machine_text
     trace = parse_trace(next(out.glob("SIM-*after.trace.csv")).read_bytes())
     assert roundness_of(trace).ront_um == run["ront_um"]
+    whole = console("roundness", str(next(out.glob("SIM-*after.sections.csv"))), "--filter", "none", "--json").json
+    assert whole["CYLt_um"] == pytest.approx(said.json["CYLt_um"], abs=0.05)
     table = np.genfromtxt(next(out.glob("SIM-*after.poll.csv")), delimiter=",", names=True, skip_header=3)
     assert np.array_equal(table["turn"].astype(np.float32), told.telemetry[1].column("turn"))
     again = console("records", "export", str(out))

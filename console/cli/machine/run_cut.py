@@ -15,7 +15,7 @@ from console.cli.judgement import force_line, span_fields
 from console.cli.library import data_of
 from console.cli.machine.run_request import RunRequest
 from console.cli.machine.stopping import StopMonitor
-from console.cli.measured.roundness_report import roundness_fields, whole_words
+from console.cli.measured.roundness_report import roundness_fields
 from console.cli.output import confirm_motion, fields_of, harmonics_of, show
 from console.cli.output import tell as tell_problems
 from console.session.cut.engine import CutContext, NotAsPlannedError, PartStep
@@ -50,7 +50,7 @@ from console.session.station.machine_connection import (
     reach,
 )
 from console.session.tuning.stated_filter import stated_filter_problems
-from console.text.along_length import stretch_words
+from console.text.along_length import form_words, stretch_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from console.text.part_sentences import (
@@ -224,7 +224,7 @@ def _run_lines(result: RunResult, text: Catalogue) -> list[str]:
         right, wrong = f"{plan.expected_residual.right_um_pp:.1f}", f"{plan.expected_residual.wrong_um_pp:.1f}"
         facts.append((text("run.expected"), text("run.expected_lobe", right=right, wrong=wrong)))
     if result.whole is not None:
-        facts.insert(0, (text("run.whole"), whole_words(result.whole, text)))
+        facts.insert(0, (text("run.whole"), form_words(result.whole.event(), text)))
     facts.append((text("run.cut_verdict"), verdict_words(figures.verdict.event(), text)))
     if result.within_tolerance is not None:
         verdict = "run.within" if result.within_tolerance else "run.outside"

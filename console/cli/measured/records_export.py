@@ -21,6 +21,7 @@ from console.session.data.run_story import RecordedTelemetry, RunStory
 from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
 from profiles.files import printable, write_atomically
+from profiles.metrology.unrolled import unroll_kept
 from profiles.problem import Problem
 
 TABLE, LINES = "runs.csv", "runs.jsonl"
@@ -79,13 +80,18 @@ def _flatten_row(row: Mapping[str, object]) -> dict[str, object]:
 
 
 def _write_traces(folder: Path, found: RunStory) -> int:
-    """Write each trace as it was recorded; return how many."""
+    """Write each trace as it was recorded, and the sections of each part; return how many."""
     kept = [part for part in found.parts if part.trace is not None]
     for part in kept:
         suffix = ".csv" if part.trace_name is None else Path(part.trace_name).suffix
         name = f"{_name(found, part.part, part.number)}.trace{suffix}"
         write_atomically(folder / name, part.trace or b"", overwrite=False)
-    return len(kept)
+    unrolled = [(part, each) for part in found.parts if (each := unroll_kept(part.data)) is not None]
+    simulated = "yes" if found.row.simulated else "no"
+    for part, each in unrolled:
+        name = f"{_name(found, part.part, part.number)}.sections.csv"
+        write_atomically(folder / name, each.table(simulated=simulated).encode(), overwrite=False)
+    return len(kept) + len(unrolled)
 
 
 def _write_telemetry(folder: Path, found: RunStory) -> int:

@@ -14,7 +14,7 @@ from console.session.data.run_facts import origin_facts, setup_facts
 from console.session.data.run_reader import RunFilters, runs, story
 from console.session.data.run_rows import MODEL, RunRow
 from console.session.data.run_story import POLLED, RecordedTelemetry, RunEvent, RunStory
-from console.text.along_length import stretch_words
+from console.text.along_length import form_words, section_rows, stretch_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table, wrap_text
 from console.text.part_sentences import verdict_words
@@ -30,6 +30,7 @@ from console.text.recorded_words import (
 )
 from profiles.axis.response import ResponseSource
 from profiles.files import printable
+from profiles.metrology.unrolled import PROFILES
 
 ID_DIGITS = 8
 WIDTH = 78
@@ -186,7 +187,7 @@ def _part_fields(part: RecordedPart) -> dict[str, object]:
         **fields_of(part, "number", "part", "product", *FIGURES, "lobe_um_pp"),
         **fields_of(part, "trace_name", "trace_sha256"),
         "trace_bytes": None if part.trace is None else len(part.trace),
-        "result": part.data,
+        "result": {key: value for key, value in part.data.items() if key != PROFILES},
     }
 
 
@@ -206,7 +207,7 @@ def _story_lines(found: RunStory, text: Catalogue, lathe: str) -> list[str]:
         planned += _indent_lines([f"{text('stretches.title')}: {along}"])
     lines = [*row_lines(row, text, lathe), *planned, "", *table(_facts(found, text))]
     for name, told in (
-        ("parts", [_part_line(part, text) for part in found.parts]),
+        ("parts", [line for part in found.parts for line in _part_lines(part, text)]),
         ("telemetry", _telemetry(found, text)),
         ("commands", map("  ".join, timed["commands"])),
         ("alarms", map("  ".join, timed["alarms"])),
@@ -253,6 +254,12 @@ def _samples(telemetry: RecordedTelemetry, strategy: str, text: Catalogue) -> st
     seconds = f"{telemetry.column('time_s')[-1]:.1f}"
     part = part_words(telemetry.part, text) or strategy
     return text("records.samples", part=part, rows=len(telemetry.rows), seconds=seconds)
+
+
+def _part_lines(part: RecordedPart, text: Catalogue) -> list[str]:
+    """Return the figures of a part, and its form over the length with its sections."""
+    sections = [" · ".join(filter(None, row)) for row in section_rows(part.data, text)]
+    return [_part_line(part, text), *([form_words(part.data, text), *sections] if sections else [])]
 
 
 def _part_line(part: RecordedPart, text: Catalogue) -> str:

@@ -11,7 +11,7 @@ from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.metrology.circles import ReferenceCircle
-from profiles.metrology.cylindricity import MINIMUM_ZONE, CylinderResult
+from profiles.metrology.cylindricity import CylinderResult
 from profiles.metrology.harmonics import usable_factor
 from profiles.metrology.points import gaussian_transmission
 from profiles.problem import Problem, ProfileError
@@ -94,21 +94,6 @@ def form_lines(whole: CylinderResult, text: Catalogue) -> list[str]:
         "",
         *table(lines, numeric=(1,)),
     ]
-
-
-def whole_words(whole: CylinderResult, text: Catalogue) -> str:
-    """Return CYLt with its sections and the worst of them, in one line."""
-    first, last, worst = whole.sections[0], whole.sections[-1], whole.worst
-    return text(
-        "run.whole_part",
-        cylt=f"{whole.cylinder(MINIMUM_ZONE).cylt_um:.2f}",
-        count=len(whole.sections),
-        first=f"{first.z_mm:.1f}",
-        last=f"{last.z_mm:.1f}",
-        worst=f"{worst.z_mm:.1f}",
-        ront=f"{worst.ront_um:.2f}",
-        taper=f"{whole.taper_um:+.1f}",
-    )
 
 
 def _parameters(found: RoundnessResult | ReferenceCircle) -> dict[str, float]:

@@ -18,8 +18,9 @@ from drivers.cutting.sampling import Batch
 from drivers.lathe.snapshot import Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.metrology.cylindricity import CylinderResult
+from profiles.metrology.cylindricity import CylinderResult, PartSection
 from profiles.metrology.turns import mean_diameter_mm
+from profiles.metrology.unrolled import unroll
 from profiles.roundness import RoundnessResult
 from profiles.trace_files.header import header_of
 from profiles.traces import Trace, trace_content
@@ -52,7 +53,9 @@ class CutRecorder:
     def record_window(self, batch: Batch) -> None:
         """Take a window that the controller has sampled."""
 
-    def record_measured_part(self, job: Job, trace: Trace, whole: CylinderResult | None) -> None:
+    def record_measured_part(
+        self, job: Job, trace: Trace, whole: CylinderResult | None, sections: Sequence[PartSection]
+    ) -> None:
         """Take the part of the last cut, its middle and the whole. It may wait; SessionError `record.lost`."""
 
 
@@ -90,10 +93,17 @@ class LogRecorder(CutRecorder):
         past_mm = np.full_like(batch.infeed_um, batch.past_middle_mm)
         self._log.add_window(self._name, np.column_stack([batch.angle_deg / 360.0, past_mm, batch.infeed_um]))
 
-    def record_measured_part(self, job: Job, trace: Trace, whole: CylinderResult | None) -> None:
+    def record_measured_part(
+        self, job: Job, trace: Trace, whole: CylinderResult | None, sections: Sequence[PartSection]
+    ) -> None:
         """Keep the part of the last cut."""
-        more = {} if whole is None else whole.event()
+        more = form_event(whole, sections)
         self._keep(job, trace, part=self._name, product=self._product, proven=self._proven, more=more)
+
+
+def form_event(whole: CylinderResult | None, sections: Sequence[PartSection]) -> dict[str, object]:
+    """Return the form of a part over its length for the record, and its sections as they are drawn."""
+    return {} if whole is None else {**whole.event(), **unroll(sections, whole.filter_upr).event()}
 
 
 class TelemetryRows:

@@ -308,8 +308,9 @@ def _outcome(context: CutContext, job: Job, end: CutEnd, tell: Tell, *, measured
     if workshop is not None and measured:
         tell(PartStep.MEASURE, "")
         trace = workshop.measure()
-        whole = measured_whole(workshop.sections())
-        context.recorder.record_measured_part(job, trace, whole)
+        sections = workshop.sections()
+        whole = measured_whole(sections)
+        context.recorder.record_measured_part(job, trace, whole, sections)
     collisions = () if workshop is None else workshop.look().collisions
     return CutOutcome(trace=trace, figures=end.figures, collisions=collisions, whole=whole)
 

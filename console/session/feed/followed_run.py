@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import linear_regression
 from typing import Protocol
@@ -26,7 +26,7 @@ from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.metrology.cylindricity import CylinderResult
+from profiles.metrology.cylindricity import CylinderResult, PartSection
 from profiles.problem import Problem
 from profiles.traces import Trace
 
@@ -144,9 +144,11 @@ class FollowedRun(CutRecorder):
         """Pass on a window that the controller has sampled."""
         self._recorder.record_window(batch)
 
-    def record_measured_part(self, job: Job, trace: Trace, whole: CylinderResult | None) -> None:
+    def record_measured_part(
+        self, job: Job, trace: Trace, whole: CylinderResult | None, sections: Sequence[PartSection]
+    ) -> None:
         """Pass on the measured part."""
-        self._recorder.record_measured_part(job, trace, whole)
+        self._recorder.record_measured_part(job, trace, whole, sections)
 
     def observe_state(self, now_s: Callable[[], float] = time.monotonic) -> ObservedState:
         """Return this moment, in the thread of the feed. Simulated time that is not real has no age.

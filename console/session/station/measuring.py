@@ -8,7 +8,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from console.session.cut.alignment import unclamp_blank
-from console.session.cut.recording import part_record
+from console.session.cut.recording import form_event, part_record
 from console.session.cut.run import measured_whole, roundness_of
 from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import CutPart, RecordedPart, newest_part
@@ -230,7 +230,7 @@ def _part_to_record(
         "jaw_1_deg": part.jaw_1_deg,
         "phase_known": part.phase_known,
         **asked,
-        **({} if part.whole is None else part.whole.event()),
+        **form_event(part.whole, part.sections),
     }
     return part_record(
         part.job, part.result, trace, Stage(made.stage), proven=part.proven, made=header, file=file, more=more

@@ -6,8 +6,9 @@ from console.session.data.measured_part import RecordedPart
 from console.session.data.run_facts import FactKind, origin_facts, setup_facts
 from console.session.data.run_rows import RunOutcome, RunRow, recorded_problems
 from console.session.learning.opened_run import JobNow, OpenedRun
-from console.text.along_length import stretch_words
+from console.text.along_length import form_words, section_rows, stretch_words
 from console.text.catalogue import Catalogue
+from console.text.columns import table
 from console.text.part_sentences import verdict_words
 from console.text.recorded_words import (
     Layout,
@@ -113,6 +114,8 @@ def _figure_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     for other in run.story.parts:
         if not other.product:
             rows.append(_fact(f"RONt {printable(other.part, 10)}", text.units.show(other.ront_um, "um", 2), width))
+    rows += wrap_line(form_words(part.data, text), width)
+    rows += [line(each) for each in table(section_rows(part.data, text), numeric=(0, 1, 2))]
     if part.trace_name:
         rows.append(_fact(text("records_page.trace"), printable(part.trace_name, 40), width))
     return rows
