@@ -50,7 +50,7 @@ def form_words(event: Mapping[str, Any], text: Catalogue) -> str:
     rows, z_mm = _sections(event), number_or_none(event.get("section_z_mm"))
     cylt_um, taper_um = (number_or_none(event.get(f"{name}_um")) for name in ("CYLt", "taper"))
     if not rows or cylt_um is None or taper_um is None:
-        return "" if z_mm is None else text("sections.one", z=text.units.show(z_mm, "mm", 2))
+        return "" if z_mm is None else text("sections.single", z=text.units.show(z_mm, "mm", 2))
     worst_mm, ront_um, _ = max(rows, key=lambda row: row[1])
     return text(
         "run.whole_part",

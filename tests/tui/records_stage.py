@@ -86,6 +86,7 @@ def run(
     off_um: float = 0.0,
     end: tuple[str, Mapping[str, object]] = ("cut", {"turn": 160.0}),
     kind: str = "measured",
+    more: Mapping[str, object] | None = None,
     **changes: Any,
 ) -> str:
     """Record a run of a minute, with telemetry; with a measured part where it has a lobe."""
@@ -102,8 +103,8 @@ def run(
     if lobe_um is not None:
         measured = trace(lobe_um, radius_mm=job.finished_radius_mm, off_um=off_um)
         stage = Stage(changes.get("stage", "full"))
-        more = {"jaw_1_deg": 12.63, "phase_known": True}
-        part = part_record(job, roundness_of(measured), measured, stage, more=more)
+        kept = {"jaw_1_deg": 12.63, "phase_known": True, **(more or {})}
+        part = part_record(job, roundness_of(measured), measured, stage, more=kept)
         written.add(kind, {"ront_um": part.ront_um}, part)
     written.close()
     return written.run_id

@@ -24,7 +24,7 @@ Problems = tuple[Problem, ...]
 Against = tuple[Condition, Callable[[Situation], Problems]]
 
 LOOKS = frozenset(
-    f"inspect.{name}" for name in ("circle", "filter", "larger", "smaller", "whole", "view", "beside")
+    f"inspect.{name}" for name in ("circle", "filter", "larger", "smaller", "whole", "view", "length", "beside")
 )
 """Actions that show the measured part in another way; they need one."""
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
 from textual.containers import Horizontal, Vertical
 
+from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
 from console.tui.inspection.comparison import PartComparison, Side, tolerance_rings_um
 from console.tui.lines import BLANK, Line, Sheet, entitle
@@ -17,11 +19,13 @@ from console.tui.plot.canvas import DOTS_ACROSS
 from console.tui.plot.cell_view import Cells, CellView
 from console.tui.plot.frame import plot_frame, step_125, stepped_125
 from console.tui.plot.polar_view import AngleMark, PolarTrace, PolarView, fitting_um_per_division
+from console.tui.plot.stack_view import PartMapView, StackView
 from console.tui.plot.trace_view import Series, TracePicture, trace_cells
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 from profiles.arrays import Floats
 from profiles.metrology.harmonics import spectrum_um_pp
+from profiles.metrology.unrolled import UnrolledPart, unroll
 
 MOST_ZOOM = 9  # steps of 1, 2, 5 in or out
 _AXIS_CELLS = 8
@@ -110,6 +114,20 @@ def _series(picture: SpectrumPicture, bars: Bars, place: int) -> list[Series]:
     return [Series(x=x, y=y, token=bars.token, dashed=bars.thin)]
 
 
+class PartView(StrEnum):
+    """What is drawn of a part; `stack` and `map` are of all its sections."""
+
+    ROUNDNESS = "roundness"
+    SPECTRUM = "spectrum"
+    STACK = "stack"
+    MAP = "map"
+
+    @property
+    def is_along(self) -> bool:
+        """Whether it shows the part along its length."""
+        return self in (PartView.STACK, PartView.MAP)
+
+
 class SpectrumView(CellView):
     """The spectra of one part or two."""
 
@@ -136,17 +154,24 @@ class InspectCharts(Horizontal):
         self._harmonics = Sheet(palette, id="inspect-harmonics", classes="panel")
         self.spectrum = SpectrumView(palette=palette, id="inspect-spectrum", classes="panel")
         self._beside = SpectrumView(palette=palette, id="inspect-beside", classes="panel")
+        self._stack = StackView(palette=palette, id="inspect-stack", classes="panel")
+        self._map = PartMapView(palette=palette, id="inspect-map", classes="panel")
+        self._unrolled: tuple[MeasuredPart | None, UnrolledPart | None] = (None, None)
         self._roundness = Vertical(self.polar, self._caption, id="inspect-roundness", classes="panel")
-        left = Vertical(self._roundness, self.spectrum, id="inspect-left")
+        left = Vertical(self._roundness, self.spectrum, self._stack, self._map, id="inspect-left")
         numbers = Vertical(self._result, self._harmonics, self._beside, id="inspect-numbers")
         super().__init__(left, numbers, id="inspect-charts")
-        self.texts = (self._caption, self._result, self._harmonics, self.spectrum, self._beside)
+        along = (self._stack, self._map)
+        self.texts = (self._caption, self._result, self._harmonics, self.spectrum, self._beside, *along)
 
-    def show(self, seen: PartComparison, zoom: int, *, is_spectrum: bool, simulated: bool) -> None:
+    def show(self, seen: PartComparison, zoom: int, *, view: PartView, simulated: bool) -> None:
         """Show a comparison, `zoom` steps closer than what holds all of it."""
+        is_spectrum = view is PartView.SPECTRUM
         self._draw(seen, 0 if is_spectrum else zoom)
-        for view in (self.spectrum, self._beside):
-            self._draw_spectrum(view, seen, zoom if is_spectrum else 0)
+        if view.is_along:
+            self._draw_along(seen.part, zoom, self._stack if view is PartView.STACK else self._map)
+        for spectrum in (self.spectrum, self._beside):
+            self._draw_spectrum(spectrum, seen, zoom if is_spectrum else 0)
         text, polar = self._text, self.polar
         figures = inspect_lines.name_evaluation(seen.result, text, seen.looked.circle)
         tolerance_um = None if seen.part.is_half else seen.part.job.roundness_tolerance_um
@@ -179,6 +204,14 @@ class InspectCharts(Horizontal):
         if not seen.part.is_half:
             rings = tolerance_rings_um(seen.last, seen.part.job.roundness_tolerance_um)
         self.polar.show(traces, um_per_division=scale, marks=marks, rings_um=rings, unit_um=unit_um)
+
+    def _draw_along(self, part: MeasuredPart, zoom: int, view: StackView | PartMapView) -> None:
+        """Draw all sections of a part, if it has them."""
+        if part.whole is not None and self._unrolled[0] is not part:
+            self._unrolled = part, unroll(part.sections, part.whole.filter_upr)
+        marks = [AngleMark(angle_deg=part.jaw_1_deg, label="1")] if part.phase_known else []
+        if part.whole is not None and self._unrolled[1] is not None:
+            view.show_part(self._unrolled[1], marks, self._text, zoom)
 
     def _draw_spectrum(self, view: SpectrumView, seen: PartComparison, zoom: int) -> None:
         if not view.display or not view.size.width:

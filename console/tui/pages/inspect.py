@@ -27,7 +27,7 @@ from console.tui.inspection.comparison import (
     next_circle,
     next_filter,
 )
-from console.tui.inspection.panels import MOST_ZOOM, InspectCharts, full_lines
+from console.tui.inspection.panels import MOST_ZOOM, InspectCharts, PartView, full_lines
 from console.tui.inspection.part_chooser import OPEN_KEYS, PartChooser
 from console.tui.keymap import PageName, RowKey, row_keys
 from console.tui.lines import BLANK, Line, Sheet, clip_lines, hanging, line, wrap_line
@@ -41,6 +41,7 @@ from console.tui.ui_context import KEYS, UiContext, View
 from profiles.calibration.lobe import FoundLobe
 from profiles.calibration.plausible import LARGE_STEP
 from profiles.files import printable
+from profiles.metrology.cylindricity import LEAST_SECTIONS
 from profiles.problem import Problem, ProfileError
 from profiles.traces import Trace
 
@@ -49,6 +50,7 @@ _STEP_ROWS = 2
 STEPS = {"inspect.up": -1, "inspect.down": 1, "inspect.first": -sys.maxsize, "inspect.last": sys.maxsize}
 PAGES = {"inspect.page_up": -1, "inspect.page_down": 1}
 ZOOMS = {"inspect.larger": 1, "inspect.smaller": -1}
+_ALONG = {PartView.STACK: PartView.MAP, PartView.MAP: PartView.ROUNDNESS}
 _MARK = ("! ", Token.WARNING)
 
 
@@ -129,6 +131,12 @@ class InspectPage(ChartPage):
     InspectPage.-bare #inspect-left { display: none; }
     InspectPage.-bare #inspect-numbers { layout: horizontal; }
     InspectPage.-bare #inspect-result, InspectPage.-bare #inspect-harmonics { display: block; height: 1fr; }
+    InspectPage #inspect-stack, InspectPage #inspect-map { height: 1fr; display: none; }
+    InspectPage.-stack #inspect-stack, InspectPage.-map #inspect-map { display: block; }
+    InspectPage.-along #inspect-roundness, InspectPage.-along #inspect-numbers { display: none; }
+    InspectPage.-along #inspect-left { display: block; width: 100%; }
+    InspectPage.-along.-roomy #inspect-left { width: 58%; }
+    InspectPage.-along.-roomy #inspect-numbers { display: block; }
     """
 
     def __init__(self, ui: UiContext) -> None:
@@ -143,7 +151,7 @@ class InspectPage(ChartPage):
         self.texts = (self._learn, self._message, *self._charts.texts)
         self._seen: PartComparison | None = None
         self._of: tuple[object, ...] = ()
-        self._looked, self._zoom, self._is_spectrum = VERDICT, 0, False
+        self._looked, self._zoom, self._drawn = VERDICT, 0, PartView.ROUNDNESS
         self._trace: Trace | None = None
         self._looks: tuple[object, ...] = ()
         self._least = 0
@@ -196,8 +204,10 @@ class InspectPage(ChartPage):
         elif self._parts.is_open:
             self._parts.refresh_list()
         else:
-            self.set_class(self._is_spectrum, "-spectrum")
-            looks = (self._looked, self._zoom, self._is_spectrum, self._parts.take_choice())
+            for each in (PartView.SPECTRUM, PartView.STACK, PartView.MAP):
+                self.set_class(self._drawn is each, f"-{each}")
+            self.set_class(self._drawn.is_along, "-along")
+            looks = (self._looked, self._zoom, self._drawn, self._parts.take_choice())
             if looks != self._looks:
                 self._looks, self._painted_for = looks, []
             super().show(view)
@@ -326,7 +336,10 @@ class InspectPage(ChartPage):
         elif action == "inspect.filter":
             self._looked = self._next_filter(part)
         elif action == "inspect.view":
-            self._is_spectrum, self._zoom = not self._is_spectrum, 0
+            spectrum = self._drawn is PartView.SPECTRUM
+            self._drawn, self._zoom = PartView.ROUNDNESS if spectrum else PartView.SPECTRUM, 0
+        elif action == "inspect.length":
+            self._drawn, self._zoom = _ALONG.get(self._drawn, PartView.STACK), 0
         elif action == "inspect.whole":
             self._zoom = 0
         elif action in ZOOMS:
@@ -339,6 +352,9 @@ class InspectPage(ChartPage):
         part = view.state.measured
         if action in ZOOMS and abs(self._zoom + ZOOMS[action]) > MOST_ZOOM:
             return (Problem(code="screen.zoom_end"),)
+        if action == "inspect.length" and part is not None and part.whole is None:
+            value, limit = str(max(len(part.sections), 1)), f">= {LEAST_SECTIONS}"
+            return (Problem(code="trace.few_sections", key="z_mm", value=value, limit=limit),)
         if action == "inspect.filter" and part is not None:
             if self._next_filter(part) == self._looked:
                 return (Problem(code="screen.one_filter", value=str(part.trace.angle_deg.size)),)
@@ -354,6 +370,8 @@ class InspectPage(ChartPage):
         trace = None if part is None else part.trace
         if trace is not self._trace:
             self._trace, self._zoom = trace, 0
+            if self._drawn.is_along and (part is None or part.whole is None):
+                self._drawn = PartView.ROUNDNESS
             self._entry.close()
             self._parts.forget()
 
@@ -372,6 +390,7 @@ class InspectPage(ChartPage):
         self._compare(state)
         part = state.measured
         learning = part is not None and (part.learning is not None or part.lobe is not None) and not self._asks
+        learning = learning and (self.has_class("-roomy") or not self._drawn.is_along)
         if self._learn.display is not learning:
             self._learn.display = learning
             self.call_after_refresh(self.paint_again)
@@ -380,7 +399,7 @@ class InspectPage(ChartPage):
             self._message.show(self._message_lines(state, max(self._message.size.width, 1)))
             return
         self._show_step(view)
-        self._charts.show(self._seen, self._zoom, is_spectrum=self._is_spectrum, simulated=state.simulated)
+        self._charts.show(self._seen, self._zoom, view=self._drawn, simulated=state.simulated)
 
     def _show_step(self, view: View) -> None:
         """Show what can be learned from the part, or the lobe that a plain one has."""

@@ -24,7 +24,11 @@ from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.problem import Problem
 
 STEPS = {"records.up": -1, "records.down": 1}
-BEHIND = {"records.program": RecordsView.PROGRAM, "records.cut": RecordsView.CUT}
+BEHIND = {
+    "records.program": RecordsView.PROGRAM,
+    "records.cut": RecordsView.CUT,
+    "records.length": RecordsView.LENGTH,
+}
 FILTERS = ("records.search", "records.failed", "records.job", "records.machines")
 
 

@@ -72,7 +72,8 @@ def map_cells(picture: SurfaceMap, columns: int, rows: int) -> Cells:
     cells.codes[:height, left:], cells.tokens[:height, left:] = signs, tokens
     if left:
         _write_z(cells, labels, shown, picture.worst)
-        _write_angles(cells, picture, height, left)
+        cells.write(height, 0, picture.units.unit("mm").rjust(left - 1), Token.AXIS)
+        write_angles(cells, picture.marks, height, left, columns - left)
         cells.write(height + 1, 0, legend(picture), Token.AXIS)
     return cells
 
@@ -132,17 +133,18 @@ def _write_z(cells: Cells, labels: Sequence[str], shown: NDArray[np.int64], wors
         cells.write(marked, 0, labels[worst].rjust(width) + WORST, Token.MARK)
 
 
-def _write_angles(cells: Cells, picture: SurfaceMap, row: int, left: int) -> None:
-    """Write the unit of Z, the angles, and over them the marks."""
-    columns = cells.columns - left
-    cells.write(row, 0, picture.units.unit("mm").rjust(left - 1), Token.AXIS)
+def write_angles(cells: Cells, marks: Sequence[AngleMark], row: int, left: int, columns: int) -> None:
+    """Write the marks and the angles of a turn under so many columns; an angle that would touch is left out."""
+    words = [(f"▴{each.label}", int(each.angle_deg % 360.0 / 360.0 * columns), Token.MARK) for each in marks]
     for tick_deg in _TICKS_DEG:
         text = label(tick_deg) + ("°" if tick_deg == _TICKS_DEG[-1] else "")
-        start = round(tick_deg / 360.0 * columns - len(text) / 2.0)
-        cells.write(row, left + min(max(start, 0), columns - len(text)), text, Token.AXIS)
-    for mark in picture.marks:
-        place = int(mark.angle_deg % 360.0 / 360.0 * columns)
-        cells.write(row, left + min(place, columns - 1), f"▴{mark.label}", Token.MARK)
+        words.append((text, round(tick_deg / 360.0 * columns - len(text) / 2.0), Token.AXIS))
+    taken: set[int] = set()
+    for text, start, token in words:
+        first = min(max(start, 0), columns - len(text))
+        if taken.isdisjoint(range(first - 1, first + len(text) + 1)):
+            cells.write(row, left + first, text, token)
+            taken.update(range(first, first + len(text)))
 
 
 class SurfaceMapView(CellView):

@@ -36,6 +36,7 @@ from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.polar_view import AngleMark, PolarTrace, PolarView
 from console.tui.plot.run_chart_view import ChartPicture, Level, RunChartView
+from console.tui.plot.stack_view import PartMapView, StackView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.records.background_reader import Problems
 from console.tui.records.list_lines import RunList, hidden_words, nothing_lines, run_lines, title_words
@@ -46,6 +47,7 @@ from console.tui.ui_context import UiContext
 from console.units import Units
 from profiles.files import printable
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, LEAST_TREND, Capability
+from profiles.metrology.unrolled import UnrolledPart, unroll_kept
 from profiles.strict_values import number, number_or_none
 
 Found = RunListing | OpenedRuns | JobChart | Problems | None
@@ -64,6 +66,7 @@ class RecordsView(StrEnum):
     PROGRAM = "program"
     PAIR = "pair"
     CHART = "chart"
+    LENGTH = "length"
 
 
 class RoundnessPanel(Horizontal):
@@ -87,6 +90,11 @@ class RoundnessPanel(Horizontal):
         self.facts = Sheet(palette, id="records-facts", classes="panel")
         self.left = Vertical(self.polar, self.caption, id="records-left", classes="panel")
         super().__init__(self.left, self.facts, id="records-run")
+
+
+def kept_part(run: OpenedRun) -> UnrolledPart | None:
+    """Return the sections of the part of a run as they were kept; None without any."""
+    return None if run.product is None else unroll_kept(run.product.data)
 
 
 def polar_of(
@@ -300,6 +308,9 @@ class RecordsPanels:
         self._error = TraceView(palette=palette, id="records-error", classes="panel")
         self._speed = TraceView(palette=palette, id="records-speed", classes="panel")
         self._cut = Vertical(self._error, self._speed, id="records-cut")
+        self._stack = StackView(palette=palette, id="records-stack", classes="panel")
+        self._map = PartMapView(palette=palette, id="records-map", classes="panel")
+        self._along = Vertical(self._stack, self._map, id="records-along")
         self._program = Sheet(palette, id="records-program", classes="panel")
         self._view = RunChartView(palette=palette, id="records-view", classes="panel")
         self._claims = Sheet(palette, id="records-claims", classes="panel")
@@ -311,6 +322,7 @@ class RecordsPanels:
             self._rows,
             self._run,
             self._cut,
+            self._along,
             self._program,
             self._chart,
             self._message,
@@ -335,6 +347,8 @@ class RecordsPanels:
             return self._rows if mode is RecordsView.LIST and found is None else self._message
         if mode is RecordsView.CUT:
             return self._cut if found.runs[0].telemetry is not None else self._message
+        if mode is RecordsView.LENGTH:
+            return self._message if kept_part(found.runs[-1]) is None else self._along
         return self._program if mode is RecordsView.PROGRAM else self._run
 
     def page_rows(self, mode: RecordsView) -> int:
@@ -382,6 +396,8 @@ class RecordsPanels:
         run = found.runs[-1]
         if mode is RecordsView.CUT:
             return self._show_cut(run)
+        if mode is RecordsView.LENGTH:
+            return self._show_along(run)
         if mode is RecordsView.PROGRAM:
             lines = self._lines(found, self._program, lambda _: program_lines(run))
             return self._scroll(self._program, lines, top, text("records_page.program", time=_start_time(run)))
@@ -400,6 +416,17 @@ class RecordsPanels:
         panel.caption.show(trace_caption(run, scale, text, max(panel.caption.size.width, 1)))
         lines = self._lines(found, panel.facts, lambda width: story_lines(run, text, width))
         return self._scroll(panel.facts, lines, top, _start_time(run))
+
+    def _show_along(self, run: OpenedRun) -> int:
+        part, trace = kept_part(run), run.evaluated(run.product)
+        if part is None:
+            self._say([line(dim(self._text("records_page.no_sections")))], _start_time(run))
+            return 0
+        jaw_1_deg = None if trace is None else trace.jaw_1_deg
+        marks = [] if jaw_1_deg is None else [AngleMark(angle_deg=jaw_1_deg, label="1")]
+        for view in (self._stack, self._map):
+            view.show_part(part, marks, self._text)
+        return 0
 
     def _show_pair(self, pair: OpenedRuns, top: int) -> int:
         text, panel = self._text, self._run

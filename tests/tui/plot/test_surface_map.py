@@ -76,6 +76,16 @@ def test_jaw_and_angles_stand_under_their_columns() -> None:
     assert rows[10].split() == ["mm", "0", "▴1", "120", "240", "360°"]
 
 
+@pytest.mark.parametrize(("angle_deg", "left_out"), [(110.0, "120"), (230.0, "240"), (0.0, "0"), (355.0, "360°")])
+def test_an_angle_makes_room_for_the_jaw_at_it(angle_deg: float, left_out: str) -> None:
+    rows = rows_of(high_at_the_end(marks=[AngleMark(angle_deg=angle_deg, label="1")]))
+    assert rows[10].split() == [
+        "mm",
+        *sorted({"0", "120", "240", "360°"} - {left_out} | {"▴1"}, key=rows[10].find),
+    ]
+    assert left_out not in rows[10].split()
+
+
 def test_inches_are_shown_in_inches() -> None:
     rows = rows_of(high_at_the_end(units=Units("inch")))
     assert rows[0].startswith("1.181 ")
