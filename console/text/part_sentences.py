@@ -133,6 +133,8 @@ def _standing(each: CertifiedOrder, text: Catalogue) -> str:
     """Return whether an order is learned, or why not: a promise may also be missing as the tool hardly follows."""
     if each.standing is OrderStatus.NO_PROMISE and each.bound_gain_1 <= PROMISED:
         return text("certificate.standing.not_followed")
+    if each.known_within_um is not None:
+        return text("certificate.standing.unseen", within=text.units.figure(2.0 * each.known_within_um, "um", 1))
     return text(f"certificate.standing.{each.standing}", limit=f"{PROMISED:g}")
 
 

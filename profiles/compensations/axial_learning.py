@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -78,7 +78,8 @@ class AxialRules:
     """What applies to the terms of a job with this lobe: which orders are learned, and how the tool follows them.
 
     `chucked` are those that one part may teach, of the other `orders` two must show the same. `scatter` is that of
-    the force of clampings, a fraction. A program of segments changes the lobe `in_phase` with itself alone.
+    the force of clampings, a fraction; `known_within` is how well slope and curvature of the lobe are known
+    without sections, over the lobe. A program of segments changes the lobe `in_phase` with itself alone.
     """
 
     lobes: int
@@ -88,6 +89,7 @@ class AxialRules:
     scatter: float
     follows: Callable[[int], ToolResponse]
     in_phase: bool = False
+    known_within: tuple[float, ...] = ()
 
     def standing(self, key: Key, error_um: complex, sd_um: float, shown_um: Sequence[complex]) -> OrderStatus:
         """Return whether a term is learned, or why not."""
@@ -147,9 +149,10 @@ def axial_steps(
         for power in POWERS:
             key = (order, power)
             if key not in fit.coefficients_um:
-                if order == rules.lobes:
+                if order == rules.lobes and rules.known_within:
                     unseen = certify_order(order, 0.0, OrderEvidence(), follows, OrderStatus.UNSEEN, axial=power)
-                    certificate.append(unseen)
+                    within_um = rules.known_within[power - 1] * target.amplitude_um
+                    certificate.append(replace(unseen, known_within_um=within_um))
                 continue
             spared_um = (1.0 - fraction) * had.get(key, 0j) if order else 0j
             error_um = _followed(fit.coefficients_um[key] - spared_um, order, target, rules)

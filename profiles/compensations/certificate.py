@@ -65,6 +65,7 @@ class CertifiedOrder:
     standing: OrderStatus
     tool_off_um: float | None = None
     axial: int = 0
+    known_within_um: float | None = None
 
 
 def bound_contraction(gain: float, spread: float) -> float:

@@ -259,10 +259,12 @@ def next_version(
     asked: Sequence[int] = (),
     along: AxialFit = NO_SECTIONS,
     in_phase: bool = False,
+    known_within: tuple[float, ...] = (),
 ) -> LearningStep:
     """Learn from a measured part.
 
-    `along` is what its sections show along the cut, which a program can change `in_phase` with the lobe alone.
+    `along` is what its sections show along the cut, which a program can change `in_phase` with the lobe alone, and
+    `known_within` how well that of the lobe is known without them (`AxialRules`).
 
     `number` is that of the new version, `gain` None the optimal one of each order. `orders` are the harmonics that
     one part may teach, `beside` those that two must show; of the `orders` some may be `asked` for though they
@@ -281,7 +283,7 @@ def next_version(
     rules = replace(rules, frozen=rules.frozen | grown.keys())
     steps = order_steps(parts, rules)
     changes = {**steps.changes_um, **_back(cut, grown)}
-    axial = _along_z(along, cut, rules, steps, in_phase=in_phase)
+    axial = _along_z(along, cut, rules, steps, in_phase=in_phase, known_within=known_within)
     path = learned_part(cut.path, Deviation(coefficients_um=changes), _NONE, lambda n: follows(n).response)
     kept = LearnedCompensation(
         holds_for=holds_for,
@@ -302,7 +304,13 @@ def next_version(
 
 
 def _along_z(
-    along: AxialFit, cut: AppliedPath, rules: OrderRules, steps: OrderSteps, *, in_phase: bool
+    along: AxialFit,
+    cut: AppliedPath,
+    rules: OrderRules,
+    steps: OrderSteps,
+    *,
+    in_phase: bool,
+    known_within: tuple[float, ...],
 ) -> AxialSteps:
     """Return what the sections teach; of the orders that one part may not teach, those that this one teaches."""
     learned = rules.chucked | {n for n in steps.learned_orders if not in_phase}
@@ -314,6 +322,7 @@ def _along_z(
         scatter=rules.scatter,
         follows=rules.follows,
         in_phase=in_phase,
+        known_within=known_within,
     )
     return axial_steps(along, cut.path.target, how, _axial_history(cut.history), cut.fraction)
 

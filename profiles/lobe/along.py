@@ -69,6 +69,19 @@ def holding_spread(job: Job, machine: MachineProfile) -> dict[str, tuple[float, 
     return found
 
 
+def known_within(job: Job, machine: MachineProfile) -> tuple[float, ...]:
+    """Return how well slope and curvature of the lobe along the cut are known, over the lobe in its middle.
+
+    That is how far they are at most from those in the two limits of `holding_spread`; empty without a change.
+    """
+    ends = holding_spread(job, machine)
+    if not ends:
+        return ()
+    ways = {name: ((jaws - free) / 2.0, (jaws + free) / 2.0 - 1.0) for name, (jaws, free) in ends.items()}
+    own = ways.pop("profile")
+    return tuple(max(abs(way[power] - own[power]) for way in ways.values()) for power in (0, 1))
+
+
 def oval_over_ring(job: Job, machine: MachineProfile) -> float:
     """Return the oval mid-cut beside a lobe, over what a ring has beside it: it decays more slowly."""
     part, z_mm = held_part(job, machine), [middle_mm(job)]

@@ -81,6 +81,8 @@ def test_the_second_part_is_rounder_and_one_can_go_back(
     stands = {(each["order"], each["axial"]): each["standing"] for each in lesson["certificate"]}
     assert (stands[3, 0], stands[2, 0] in ("one_part", "noise")) == ("learned", True)
     assert (stands[3, 1], stands[3, 2]) == ("unseen", "unseen"), "of one section"
+    within_um = next(each["known_within_um"] for each in lesson["certificate"] if each["axial"] == 1)
+    assert within_um == pytest.approx(0.15, abs=0.1), "half a mm of cut, between straight jaws and even pressure"
     assert all(each["bound"] < 1.0 for each in lesson["certificate"] if each["standing"] == "learned")
     made = console(*words, "--compensation", "newest", "--part", second).json
     assert (made["compensation"], made["stage"]) == (1, "full")

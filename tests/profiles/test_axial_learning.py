@@ -48,6 +48,7 @@ def rules(**how: object) -> AxialRules:
         "chucked": frozenset({3, 6}),
         "frozen": frozenset(),
         "scatter": 0.05,
+        "known_within": (0.1, 0.05),
         "follows": lambda _: ToolResponse(response=0.9 - 0.2j, spread=0.05),
     }
     return AxialRules(**{**given, **how})  # type: ignore[arg-type]
@@ -105,6 +106,8 @@ def test_what_no_section_determines_is_not_learned_and_said_so(places: tuple[flo
     two = len(set(places)) == 2
     assert (3, 2) not in steps.changes_um and ((3, 1) in steps.changes_um) is two
     assert standings(steps)[3, 2] is OrderStatus.UNSEEN
+    bow = next(each for each in steps.certificate if (each.order, each.axial) == (3, 2))
+    assert bow.known_within_um == pytest.approx(0.05 * 27.5), "as the model has it"
     assert standings(steps)[3, 1] is (OrderStatus.LEARNED if two else OrderStatus.UNSEEN)
 
 

@@ -62,7 +62,7 @@ from profiles.compensations.path import MOST_HARMONICS, MOST_MEAN_UM, CutPath, t
 from profiles.compensations.push import left_along_um
 from profiles.files import printable
 from profiles.job import Job
-from profiles.lobe.along import along_cut
+from profiles.lobe.along import along_cut, known_within
 from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
 from profiles.metrology.cylindricity import PartSection
@@ -181,7 +181,7 @@ def learn_from_part(
     of_trace = partial(_part, job=filed, made=made, extra=extra, beside=beside, robust=robust)
     parts = parts_along(sections, filed, machine.machine, push_um, of_trace)
     how |= {"along": fit_axial(parts, along_cut(filed, machine.machine), (*orders, *beside))}
-    how |= {"in_phase": not strategy.traits.by_table}
+    how |= {"in_phase": not strategy.traits.by_table, "known_within": known_within(filed, machine.machine)}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
     step = _mark_repeated_trace(_compensate_push(step, push_um), known)
     return LearningOutcome(
