@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from profiles.fields import Field, FieldType, flatten, read_fields, schema_problem
+from profiles.metrology.conformity import Tolerances
 from profiles.problem import Problem, ProfileError
 
 # Suffix of the source of a job whose lobe was found on a simulated part.
@@ -25,6 +26,8 @@ NO_LOBE = "none"
 
 LOBE_ERROR_SOURCES = ("measured", "fitted", "model", "assumed", NO_LOBE)
 LABELS = ("note", "tags")
+TOLERANCES = ("roundness_tolerance_um", "cylindricity_tolerance_um", "diameter_tolerance_um")
+"""Keys of what a finished part is judged by: no cut depends on them."""
 
 _TEXT = rb'"(?:[^"\\\r\n]|\\[^\r\n])*"'
 # A label in a line of its own, as this package writes it. In a sound job such a line is nothing else: no text of a
@@ -51,10 +54,11 @@ class Job:
     it where that was found. `lobe_force_n` is the chucking force at which that error was found, and so are the
     other keys of the calibration cut: speed, overhang, wall, diameter, material, number of jaws, and the names
     of chuck and tool. A file that does not give one of them has its error at its own value. The error is that
-    in the middle of the cut. `diameter_tolerance_um` is how far the finished diameter may be off either way, None
-    where that is not judged. `assumed` names the keys whose values the source does not give; `copied_from` is the
-    job that this one was copied from, whose source does not apply. `note` and `tags` are words for people: no cut
-    depends on them, and jobs that differ in nothing else are equal.
+    in the middle of the cut. `diameter_tolerance_um` is how far the finished diameter may be off either way, in
+    each section, `cylindricity_tolerance_um` the limit of CYLt (minimum zone); None is not judged. `assumed` names
+    the keys whose values the source does not give; `copied_from` is the job that this one was copied from, whose
+    source does not apply. `note` and `tags` are words for people: no cut depends on them, and jobs that differ in
+    nothing else are equal.
     """
 
     name: str
@@ -72,6 +76,7 @@ class Job:
     lobe_phase_deg: float
     lobe_error_source: str
     roundness_tolerance_um: float
+    cylindricity_tolerance_um: float | None = None
     diameter_tolerance_um: float | None = None
     lobe_force_n: float | None = None
     lobe_spindle_speed_rpm: float | None = None
@@ -104,6 +109,15 @@ class Job:
     def finished_diameter_mm(self) -> float:
         """The nominal diameter after the cut."""
         return 2.0 * self.finished_radius_mm
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """What a finished part is judged by."""
+        return Tolerances(
+            roundness_um=self.roundness_tolerance_um,
+            cylindricity_um=self.cylindricity_tolerance_um,
+            diameter_um=self.diameter_tolerance_um,
+        )
 
     @property
     def lobe_amplitude_um(self) -> float:
@@ -160,6 +174,7 @@ _CONTENT = (
     Field(key="lobe_phase_deg", table="lobe", unit="deg", at_least=-360, at_most=360),
     Field(key="lobe_error_source", kind=FieldType.CHOICE, table="lobe", choices=LOBE_ERROR_SOURCES),
     _number("roundness_tolerance_um", "lobe", "um", 0.001, 1000),
+    _number("cylindricity_tolerance_um", "workpiece", "um", 0.001, 1000, optional=True),
     _number("diameter_tolerance_um", "workpiece", "um", 0.1, 10_000, optional=True),
     _number("lobe_force_n", "lobe", "N", LEAST_N, 100_000, optional=True),
     _number("lobe_spindle_speed_rpm", "lobe", "rpm", LEAST_RPM, 5000, optional=True),

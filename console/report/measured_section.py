@@ -33,11 +33,13 @@ from console.session.learning.evaluated_part import EvaluatedPart
 from console.session.learning.opened_run import OpenedRun
 from console.text.along_length import form_words, section_rows
 from console.text.catalogue import Catalogue
+from console.text.part_sentences import place_words
 from console.text.recorded_words import is_plain, part_words
 from profiles.arrays import Floats
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
 from profiles.metrology.circles import CIRCLES
+from profiles.metrology.conformity import ToleranceKind
 from profiles.roundness import RoundnessResult
 
 _TURN_DEG = np.arange(0.0, 360.0, 0.5)
@@ -293,11 +295,12 @@ def _diameters(run: OpenedRun, text: Catalogue) -> Markup | None:
     if off_um is None:
         return paragraph(text("report.diameter", diameter=diameter))
     facts = {"diameter": diameter, "nominal": mm(part.nominal_diameter_mm), "off": f"{off_um:+z.1f} µm"}
-    limit_um = part.diameter_tolerance_um
-    passes = None if part.passed is None else part.is_of_size
-    if limit_um is None or passes is None:
+    judged, limit_um = part.figure(ToleranceKind.DIAMETER), part.diameter_tolerance_um
+    if limit_um is None or part.passed is None or judged is None or judged.value_um is None:
         return paragraph(text("report.diameter_free", **facts))
-    sign = SIGNS[Judgement.GOOD if passes else Judgement.BAD]
+    worst = mm((part.nominal_diameter_mm or 0.0) + judged.value_um / 1000.0) + place_words(judged.z_mm, text)
+    facts |= {"diameter": worst, "off": f"{judged.value_um:+z.1f} µm"}
+    sign = SIGNS[Judgement.GOOD if judged.passes else Judgement.BAD]
     return paragraph(f"{sign} {text('report.diameter_judged', **facts, limit=exact(limit_um, 'µm'))}")
 
 

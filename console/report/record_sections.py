@@ -47,10 +47,11 @@ def write_request(run: OpenedRun, text: Catalogue) -> Markup:
         why = [text.problem(problem) for problem in run.job_problems] or [text("report.no_job_text")]
         return section("asked", title, *(paragraph(each) for each in why))
     diameter = exact(job.finished_diameter_mm, "mm")
-    off_um = job.diameter_tolerance_um
+    off_um, cylt_um = job.diameter_tolerance_um, job.cylindricity_tolerance_um
     tolerances = [
         (text("report.finished_diameter"), diameter),
         (text("report.roundness_tolerance"), exact(job.roundness_tolerance_um, "µm RONt")),
+        *([] if cylt_um is None else [(text("report.cylindricity_tolerance"), exact(cylt_um, "µm CYLt"))]),
         (
             text("report.diameter_tolerance"),
             text("report.none_stated") if off_um is None else f"± {exact(off_um, 'µm')}",

@@ -13,7 +13,9 @@ from console.session.data.run_rows import FAILED_HOW, RunOutcome
 from console.session.learning.opened_run import OpenedRun
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
+from console.text.part_sentences import place_words
 from console.text.recorded_words import Layout, ending_words
+from profiles.metrology.conformity import ToleranceKind
 
 
 class Judgement(StrEnum):
@@ -26,6 +28,11 @@ class Judgement(StrEnum):
 
 
 FIGURES = ("roundness", "size")
+_WORDS = {
+    ToleranceKind.ROUNDNESS: "round",
+    ToleranceKind.CYLINDRICITY: "cylindrical",
+    ToleranceKind.DIAMETER: "diameter",
+}
 SIGNS = {Judgement.GOOD: "✓", Judgement.BAD: "✗", Judgement.DOUBTFUL: "?", Judgement.OPEN: "–"}
 
 
@@ -54,7 +61,8 @@ def judge_run(run: OpenedRun, text: Catalogue) -> ReportVerdict:
     passed = product.passed
     if passed is None:
         unproven = run.story.cut_verdict.get("cut_verdict") == CutJudgement.NOT_PROVEN
-        open_for = "report.why.not_proven" if unproven else "report.why.no_judgement"
+        open_for = "report.why.no_length" if product.is_good is None else "report.why.no_judgement"
+        open_for = "report.why.not_proven" if unproven else open_for
         why = "report.why.partial" if row.stage == Stage.PARTIAL else open_for
         return ReportVerdict(judgement=Judgement.OPEN, reasons=(text(why),))
     return ReportVerdict(judgement=Judgement.GOOD if passed else Judgement.BAD, reasons=judged)
@@ -65,15 +73,12 @@ def _list_verdict_reasons(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     recorded = run.product
     if recorded is None or recorded.passed is None:
         return
-    if recorded.tolerance_um is not None:
-        value, limit = against_limit(recorded.ront_um, recorded.tolerance_um)
-        key = "report.why.round" if recorded.is_round else "report.why.not_round"
-        yield text(key, value=value, limit=limit)
-    passes, off_um, limit_um = recorded.is_of_size, recorded.off_nominal_um, recorded.diameter_tolerance_um
-    if passes is not None and off_um is not None and limit_um is not None:
-        value, limit = against_limit(abs(off_um), limit_um)
-        key = "report.why.diameter" if passes else "report.why.not_diameter"
-        yield text(key, diameter=mm(recorded.diameter_mm), value=value, limit=limit)
+    for each in recorded.judged:
+        if each.value_um is not None:
+            value, limit = against_limit(abs(each.value_um), each.limit_um)
+            diameter = mm((recorded.nominal_diameter_mm or 0.0) + each.value_um / 1000.0)
+            key = f"report.why.{'' if each.passes else 'not_'}{_WORDS[each.kind]}"
+            yield text(key, diameter=diameter, value=value, limit=limit, at=place_words(each.z_mm, text))
     yield from _tool(run.story.cut_verdict, text)
 
 

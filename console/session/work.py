@@ -11,7 +11,7 @@ from console.session.typed_number import plain_number
 from drivers.cutting.strategy import DEFAULT_STRATEGY, UNCOMPENSATED
 from profiles.fields import Field, FieldType, fault, spell_toml
 from profiles.files import printable
-from profiles.job import JOB_FIELDS, LABELS, NO_LOBE, Job, copy_of
+from profiles.job import JOB_FIELDS, LABELS, NO_LOBE, TOLERANCES, Job, copy_of
 from profiles.lobe.lobe_conditions import kept_condition
 from profiles.lobe.lobe_origin import MODEL, with_lobe_of, with_modelled_lobe, without_lobe
 from profiles.problem import Problem, ProfileError
@@ -28,9 +28,7 @@ STAGES = ("full", "air", "partial")
 _FIELDS = {field.key: field for field in JOB_FIELDS}
 
 _OF_LOBE = frozenset(key for key in _FIELDS if key.startswith("lobe_")) - {"lobe_error_source"}
-_NOT_OF_A_CUT = frozenset(
-    {"name", "roundness_tolerance_um", "diameter_tolerance_um", "source", "copied_from", "assumed", *LABELS}
-)
+_NOT_OF_A_CUT = frozenset({"name", *TOLERANCES, "source", "copied_from", "assumed", *LABELS})
 
 NO_FOLDER = Path("/nonexistent")
 """Folder of a job that has no file yet."""

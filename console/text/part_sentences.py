@@ -20,6 +20,8 @@ from profiles.compensations.force_null import SURE as SURE_OF_FORCE
 from profiles.compensations.force_null import ForceNull, Sign
 from profiles.compensations.learning import SURE
 from profiles.compensations.path import PathHarmonic
+from profiles.metrology.conformity import JudgedFigure, ToleranceKind, passes_all
+from profiles.metrology.length_causes import LengthCause, LengthCauseKind
 
 if TYPE_CHECKING:
     from console.session.learning.fingerprint import FingerprintedCut
@@ -79,6 +81,55 @@ def cause_words(cause: Cause, text: Catalogue) -> str:
         sd=f"{cause.sd:.1f}",
         percent=f"{100.0 * abs(cause.value):.0f}",
     )
+
+
+def length_cause_words(cause: LengthCause, text: Catalogue) -> str:
+    """Return the sentence for a cause by which the sections of a part differ."""
+    kind = cause.kind.value
+    if cause.kind is LengthCauseKind.ENTRY:
+        kind += "_order" if cause.order else "_mean"
+    first, last = (text.units.figure(each, "mm", 1) for each in (cause.first_mm, cause.last_mm))
+    first_um, last_um = (text.units.figure(each, "um", 1, "+") for each in (cause.first_um, cause.last_um))
+    um = text.units.figure(cause.um_pp, "um", 1)
+    facts = {"first": first, "last": last, "first_um": first_um, "last_um": last_um, "um": um}
+    return text(f"length_cause.{kind}", order=cause.order, **facts)
+
+
+def all_cause_words(causes: Sequence[Cause], along: Sequence[LengthCause], text: Catalogue) -> list[str]:
+    """Return the sentences for all causes of a part, largest first; noise is none beside those over its length."""
+    told = [each for each in causes if not along or each.kind is not CauseKind.NOISE]
+    found = [(each.um_pp, cause_words(each, text)) for each in told]
+    found += [(each.um_pp, length_cause_words(each, text)) for each in along]
+    return [words for _, words in sorted(found, key=lambda each: -each[0])]
+
+
+def place_words(z_mm: float | None, text: Catalogue) -> str:
+    """Return the height of a section, to follow a figure; "" if it is not known."""
+    return "" if z_mm is None else text("judged.at", z=text.units.figure(z_mm, "mm", 1))
+
+
+def section_words(z_mm: float | None, text: Catalogue) -> str:
+    """Return that a part was measured in one section, and where."""
+    if z_mm is None:
+        return text("judged.section")
+    return text("judged.section_at", z=text.units.figure(z_mm, "mm", 1))
+
+
+def judged_words(figure: JudgedFigure, text: Catalogue) -> str:
+    """Return a figure with its section and its verdict, or that it was not judged."""
+    limit = f"{figure.limit_um:g}"
+    if figure.value_um is None:
+        return text("judged.open", limit=limit)
+    sign = "+" if figure.kind is ToleranceKind.DIAMETER else ""
+    value = text.units.figure(figure.value_um, "um", 2, sign)
+    words = text(f"judged.{figure.kind}", value=value, at=place_words(figure.z_mm, text))
+    return f"{words}: {text('run.within' if figure.passes else 'run.outside', limit=limit)}"
+
+
+def judged_fields(figures: Sequence[JudgedFigure]) -> dict[str, object]:
+    """Return figures against their limits and the verdict on all as plain values; nothing without any."""
+    judged = [{**asdict(each), "passes": each.passes} for each in figures]
+    return {"judged": judged, "within_tolerance": passes_all(figures)} if figures else {}
 
 
 def _word(cause: Cause) -> str:

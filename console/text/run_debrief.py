@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 from console.session.data.run_rows import ENDS
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
-from console.text.part_sentences import cause_words
+from console.text.part_sentences import all_cause_words, place_words
 from console.text.recorded_words import order_words, part_words
 from profiles.files import printable
+from profiles.metrology.conformity import ToleranceKind
 
 if TYPE_CHECKING:
     from console.session.data.run_story import RunEvent
@@ -20,6 +21,11 @@ Section = tuple[str, list[str]]
 """A title with its sentences."""
 
 LONGEST = 300
+_FORM: dict[tuple[ToleranceKind, bool | None], str] = {
+    (ToleranceKind.ROUNDNESS, True): "round",
+    (ToleranceKind.ROUNDNESS, False): "not_round",
+    (ToleranceKind.CYLINDRICITY, False): "not_cylindrical",
+}
 
 
 def debrief_sections(debrief: RunDebrief, text: Catalogue) -> list[Section]:
@@ -40,15 +46,15 @@ def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
     part = debrief.part
     if part is None:
         return []
-    value, limit = text.units.figure(part.ront_um, "um", 2), part.tolerance_um
-    rows = []
-    if limit is not None and part.passed is not None:
-        allowed = text.units.format_short(limit, "um")
-        key = "debrief.run.not_round" if debrief.fails_round else "debrief.run.round"
-        over = text.units.figure(part.ront_um - limit, "um", 2)
-        likely = text("cause.title") if debrief.causes else ""
-        rows.append(f"{text(key, value=value, limit=allowed, over=over)} {likely}".rstrip())
-    rows += [cause_words(cause, text) for cause in debrief.causes]
+    rows, causes = list[str](), all_cause_words(debrief.causes, debrief.along, text)
+    for each in part.judged if part.passed is not None else ():
+        if (key := _FORM.get((each.kind, each.passes))) is not None and each.value_um is not None:
+            value, over = (text.units.figure(um, "um", 2) for um in (each.value_um, each.value_um - each.limit_um))
+            limit, at = text.units.format_short(each.limit_um, "um"), place_words(each.z_mm, text)
+            rows.append(text(f"debrief.run.{key}", value=value, limit=limit, over=over, at=at))
+    if rows and causes:
+        rows[-1] += f" {text('cause.title')}"
+    rows += causes
     if debrief.off_um is not None and part.diameter_tolerance_um is not None:
         off, most = (
             text.units.show(debrief.off_um, "um", 1, "+"),

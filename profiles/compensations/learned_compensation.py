@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from profiles.compensations.path import MOST_HARMONICS, AxialTerm, CutPath, PathHarmonic
-from profiles.job import Job
+from profiles.job import TOLERANCES, Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.strict_values import read_own, rename_keys
@@ -17,7 +17,7 @@ SCHEMA = 1
 FILED = {"target": "wanted", "phase_deg": "crest_deg", "fraction": "share"}  # what files call these fields
 SHAPING = ("controller", "tool", "spindle", "carriage", "chuck")  # sections of a machine profile
 NOT_SHAPING = (
-    *("name", "lobe_error_source", "roundness_tolerance_um", "diameter_tolerance_um"),
+    *("name", "lobe_error_source", *TOLERANCES),
     *("assumed", "source", "copied_from", "note", "tags", "schema"),
 )
 """Keys of a job on which no path depends."""

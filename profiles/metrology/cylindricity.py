@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from profiles.arrays import Floats, floats
 from profiles.metrology.circles import exchange_basis, limacon_circle
+from profiles.metrology.conformity import SectionForm
+from profiles.metrology.length_causes import CAUSES, LengthCause, length_causes
 from profiles.metrology.points import angle_weights
 from profiles.problem import refusal_error
 from profiles.roundness import profile_of
@@ -28,8 +30,9 @@ MINIMUM_CIRCUMSCRIBED = "MCCY"
 MAXIMUM_INSCRIBED = "MICY"
 CYLINDERS = (LEAST_SQUARES, MINIMUM_ZONE, MINIMUM_CIRCUMSCRIBED, MAXIMUM_INSCRIBED)
 
+UNEVEN = 2.0
 LEAST_SECTIONS = 3  # ISO 1101: two sections are a cone of any shape between them
-GENERATRICES = 360  # at whole degrees
+TURN_DEG = np.arange(0.0, 360.0)  # where there is a generatrix
 _STAYS_UM = 1e-9
 _MOST_TURNS = 20
 _OUTSIDE = 1e-12
@@ -52,15 +55,6 @@ def part_section(section: TraceSection) -> PartSection:
     assert section.z_mm is not None
     trace = section.trace
     return PartSection(z_mm=section.z_mm, angle_deg=trace.angle_deg, deviation_um=trace.deviation_um)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SectionForm:
-    """One section: its height, its roundness (LSCI) and its mean deviation from the nominal radius."""
-
-    z_mm: float
-    ront_um: float
-    mean_um: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +85,7 @@ class CylinderResult:
     evaluated length (radius, positive if it grows with z); they deviate from it by `crown_um`, peak to valley. The
     centres of the sections lie within a diameter of `axis_straightness_um` about their line, the worst generatrix
     within `generatrix_straightness_um`, peak to valley, about its own. All lines are of least squares.
+    `causes` are why the sections differ, largest first.
     """
 
     sections: tuple[SectionForm, ...]
@@ -100,6 +95,7 @@ class CylinderResult:
     crown_um: float
     axis_straightness_um: float
     generatrix_straightness_um: float
+    causes: tuple[LengthCause, ...]
 
     def event(self) -> dict[str, object]:
         """Return what records and results in JSON have: the sections, CYLt (MZCY) and what it consists of."""
@@ -108,12 +104,29 @@ class CylinderResult:
         ]
         names = ("taper_um", "crown_um", "axis_straightness_um", "generatrix_straightness_um")
         lines = {name: getattr(self, name) for name in names}
-        return {"sections": sections, "CYLt_um": self.cylinder(MINIMUM_ZONE).cylt_um, **lines}
+        return {
+            "sections": sections,
+            "CYLt_um": self.cylt_um,
+            **lines,
+            CAUSES: [asdict(each) for each in self.causes],
+        }
+
+    @property
+    def cylt_um(self) -> float:
+        """CYLt of the minimum zone (ISO 1101)."""
+        return self.cylinder(MINIMUM_ZONE).cylt_um
 
     @property
     def worst(self) -> SectionForm:
         """The section that is least round."""
         return max(self.sections, key=lambda each: each.ront_um)
+
+    @property
+    def is_uneven(self) -> bool:
+        """Whether a section is much less round than that in the middle of the others (twice, a choice)."""
+        middle_mm = 0.5 * (self.sections[0].z_mm + self.sections[-1].z_mm)
+        middle = min(self.sections, key=lambda each: abs(each.z_mm - middle_mm))
+        return self.worst.ront_um > UNEVEN * middle.ront_um
 
     def cylinder(self, kind: str) -> ReferenceCylinder:
         """Return the reference cylinder of that kind ("LSCY", "MZCY", "MCCY" or "MICY")."""
@@ -139,10 +152,15 @@ def evaluate_cylinder(
     weight = np.concatenate([angle_weights(each.angle_deg) for each in whole])
     weight /= weight.sum()
     points = Points(angle=angle, z_mm=z - middle_mm, deviation_um=deviation, weight=weight)
+    cylinders = tuple(reference_cylinder(kind, points, radius_mm) for kind in CYLINDERS)
+    cylt_um = next(each.cylt_um for each in cylinders if each.kind == MINIMUM_ZONE)
+    turns = np.stack([_at(each, TURN_DEG) for each in whole])
+    least = min(each.angle_deg.size for each in whole)
     return CylinderResult(
         sections=tuple(map(_form, whole)),
         filter_upr=filter_upr,
-        cylinders=tuple(reference_cylinder(kind, points, radius_mm) for kind in CYLINDERS),
+        cylinders=cylinders,
+        causes=length_causes(floats([each.z_mm for each in whole]), turns, least, cylt_um),
         **_lines(whole),
     )
 
@@ -282,8 +300,7 @@ def _lines(sections: Sequence[PartSection]) -> dict[str, float]:
     def left(values: Floats) -> Floats:
         return floats(values - line @ np.linalg.lstsq(line, values, rcond=None)[0])
 
-    turn = 360.0 * np.arange(GENERATRICES) / GENERATRICES
-    walls = np.stack([_at(each, turn) for each in sections])
+    walls = np.stack([_at(each, TURN_DEG) for each in sections])
     return {
         "taper_um": float(np.polyfit(z, mean, 1)[0] * np.ptp(z)),
         "crown_um": float(np.ptp(left(mean))),

@@ -19,6 +19,7 @@ from console.session.data.record_schema import TELEMETRY_COLUMNS
 from console.session.data.records import RunRecord
 from console.session.stages import Stage
 from profiles.job import Job
+from profiles.metrology.cylindricity import CylinderResult
 from profiles.store import job_text, load_job
 from profiles.traces import Trace
 
@@ -53,9 +54,13 @@ def recorded(
     end: tuple[str, dict[str, object]] | None = COMPLETE,
     stage: Stage = Stage.FULL,
     proven: bool = True,
+    whole: CylinderResult | None = None,
     **changes: Any,
 ) -> str:
-    """A run with measured parts by their names; that of the name "before" is for comparison. Return its id."""
+    """A run with measured parts by their names; that of the name "before" is for comparison. Return its id.
+
+    `whole` is the form over the length of each.
+    """
     job = job or job_named()
     row = {
         "software": "trilobe 0.1.0",
@@ -80,6 +85,7 @@ def recorded(
     run.add("step", {"part": "after", "step": "cut", "detail": "13.5 s"})
     for name, trace in parts.items():
         of: dict[str, Any] = {"part": name, "product": name != "before", "proven": proven}
+        of["more"] = {} if whole is None else whole.event()
         kept = part_record(job, roundness_of(trace), trace, stage, **of)
         run.add("part", {"part": name, "ront_um": kept.ront_um}, kept)
     add_telemetry(folder, run)

@@ -352,6 +352,37 @@ def test_the_form_over_the_length_is_beside_the_roundness(room: tuple[int, int],
     assert "CYLt" not in shown(StationState(measured=AFTER), room, language), "of one section nothing is said"
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_part_that_is_round_in_its_middle_only_fails(room: tuple[int, int], language: str) -> None:
+    """12 um p-p at Z 22 against 5 um, and twice its taper of 3 um against 4 um of diameter; CYLt passes."""
+    job = replace(AFTER.job, cylindricity_tolerance_um=40.0, diameter_tolerance_um=4.0)
+    angle, ends = np.arange(0.0, 360.0), ((22.0, 6.0, -1.0), (26.0, 1.0, 1.0), (30.0, -3.0, 3.0))
+    sections = [
+        PartSection(z_mm=z, angle_deg=angle, deviation_um=3.0 + r + lobe * np.cos(np.radians(3 * angle)))
+        for z, lobe, r in ends
+    ]
+    whole = evaluate_cylinder(sections, filter_upr=None)
+    sized = replace(AFTER, job=job, whole=whole, section_z_mm=26.0, diameter_mm=job.finished_diameter_mm)
+    text = load(language)
+    failed = (
+        ("✗ ", "fail", {"value": "12.00", "limit": "5.00", "at": text("inspect_page.at", z="22.0")}),
+        ("✓ ", "cylindricity_pass", {"value": f"{whole.cylt_um:.2f}", "limit": "40.00"}),
+        ("✗ ", "diameter_fail", {"value": "51.806", "limit": "4", "at": text("inspect_page.at", z="30.0")}),
+    )
+    cut = None if room == ROOMS[-1] else 18  # in little room a row has at least its beginning
+    seen = shown(StationState(measured=sized), room, language)
+    for mark, key, facts in failed:
+        assert (mark + text(f"inspect_page.{key}", **facts))[:cut] in seen
+    assert text("judged.section_at", z="26.0")[:10] not in seen
+    one = StationState(measured=replace(sized, whole=None, diameter_mm=None))
+    seen = shown(one, room, language)
+    assert f"? {text('inspect_page.cylindricity_open')}"[:cut] in seen
+    assert text("judged.section_at", z="26.0")[:cut] in seen
+    now = Situation(state=one, work=experiment(), machine=lathe().machine)
+    assert row_of(INSPECT, now).word == "inspect.no_length", "it is not said to pass"
+
+
 @pytest.mark.parametrize("activity", [Activity.POSITIONING, Activity.CUTTING])
 @pytest.mark.parametrize("measured", [None, AFTER], ids=["first", "next"])
 def test_while_a_cut_runs_no_other_is_asked_for(activity: Activity, measured: MeasuredPart | None) -> None:

@@ -316,7 +316,8 @@ def filled(**changed: str) -> Work:
 def test_a_new_job_has_no_value_that_nobody_gave() -> None:
     work = blank_form(lathe())
     assert work.missing == TYPED.keys()
-    assert {field.key for field in FORM} - {"lobe_error_source", "diameter_tolerance_um"} == work.missing
+    optional = {"lobe_error_source", "cylindricity_tolerance_um", "diameter_tolerance_um"}
+    assert {field.key for field in FORM} - optional == work.missing
     assert filled().missing == frozenset()
     assert edit_field(work, "jaws", "2").missing == work.missing - {"jaws"}  # whatever stood in its place
 
@@ -336,12 +337,13 @@ async def test_a_blank_form_is_filled_in_with_tab_and_saved_under_a_name(languag
         await stage.act("setup.undo")
         assert "material" in stage.draft.missing
         await stage.act("setup.edit")
-        for typed in (*TYPED.values(), "20"):
+        for typed in (*TYPED.values(), "8", "20"):
             assert width_of(stage.page.next_step(stage.view)) <= 78
             await stage.type(typed)
             await stage.act("setup.next")
         assert stage.kind() is FieldKind.NONE, "behind the last value stands the lobe, which is not typed"
         assert (stage.draft.missing, stage.draft.job.diameter_tolerance_um) == (frozenset(), 20.0)
+        assert stage.draft.job.cylindricity_tolerance_um == 8.0
         await stage.act("setup.previous", "setup.edit")
         await stage.type("-")
         await stage.act("setup.edit")

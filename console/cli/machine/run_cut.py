@@ -15,7 +15,7 @@ from console.cli.judgement import force_line, span_fields
 from console.cli.library import data_of
 from console.cli.machine.run_request import RunRequest
 from console.cli.machine.stopping import StopMonitor
-from console.cli.measured.roundness_report import roundness_fields
+from console.cli.measured.roundness_report import cause_rows, judged_rows, roundness_fields
 from console.cli.output import confirm_motion, fields_of, harmonics_of, show
 from console.cli.output import tell as tell_problems
 from console.session.cut.engine import CutContext, NotAsPlannedError, PartStep
@@ -59,6 +59,7 @@ from console.text.part_sentences import (
     clamped_fields,
     fingerprint_line,
     force_words,
+    judged_fields,
     verdict_words,
 )
 from console.text.recorded_words import plain_cut_words
@@ -68,7 +69,7 @@ from drivers.link.tracing import Tracing
 from drivers.simulator.plant.which_lathe import LATHE
 from profiles.compensations.certificate import OrderStatus
 from profiles.compensations.path import PathHarmonic
-from profiles.job import Job
+from profiles.job import TOLERANCES, Job
 from profiles.problem import Problem, ProblemError
 from profiles.roundness import RoundnessResult
 from profiles.traces import Trace, write_trace
@@ -114,8 +115,9 @@ def result_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "after": None if result.after is None else roundness_fields(result.after),
         **({} if result.whole is None else result.whole.event()),
         "improvement_percent": result.improvement_percent,
-        "roundness_tolerance_um": plan.job.roundness_tolerance_um,
-        "within_tolerance": result.within_tolerance,
+        **fields_of(plan.job, *TOLERANCES),
+        "within_tolerance": None,
+        **judged_fields(result.judged),
         **fields_of(figures, "tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um"),
         **tool_event(figures.tool_lobe_um, figures.push_um),
         **figures.event(),
@@ -226,14 +228,14 @@ def _run_lines(result: RunResult, text: Catalogue) -> list[str]:
     if result.whole is not None:
         facts.insert(0, (text("run.whole"), form_words(result.whole.event(), text)))
     facts.append((text("run.cut_verdict"), verdict_words(figures.verdict.event(), text)))
-    if result.within_tolerance is not None:
-        verdict = "run.within" if result.within_tolerance else "run.outside"
-        facts.append((text("run.verdict"), text(verdict, limit=f"{plan.job.roundness_tolerance_um:g}")))
+    facts += judged_rows(result.judged, text)
     facts += [(text("run.collision"), text.problem(problem)) for problem in collision_problems(result.collisions)]
     sim = f"{text('sim')}  " if result.simulated else ""
     head = f"{sim}{plan.job.name} · {plan.machine.name} · {plan.cut.strategy}"
     force = [] if result.force is None else ["", force_words(result.force, text)]
-    return ["", head, "", *_parts(result, text), *table(facts), *force]
+    whole, failed = result.whole, result.within_tolerance is False
+    causes = cause_rows(whole, text) if whole is not None and (failed or whole.is_uneven) else []
+    return ["", head, "", *_parts(result, text), *table(facts), *causes, *force]
 
 
 def _parts(result: RunResult, text: Catalogue) -> list[str]:

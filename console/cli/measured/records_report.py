@@ -8,6 +8,7 @@ from dataclasses import asdict
 from datetime import datetime
 
 from console.cli.library import data_of
+from console.cli.measured.roundness_report import judged_rows
 from console.cli.output import fields_of, show
 from console.session.data.measured_part import RecordedPart
 from console.session.data.run_facts import origin_facts, setup_facts
@@ -98,7 +99,8 @@ def _result(row: RunRow, text: Catalogue) -> str:
     if row.tolerance_um is None:
         return result
     unjudged = "records.not_judged" if row.proven else "records.not_proven"
-    verdict = {True: "records.passed", False: "records.failed", None: unjudged}[row.passed]
+    failed = "records.failed" if row.ront_um > row.tolerance_um else "records.failed_elsewhere"
+    verdict = {True: "records.passed", False: failed, None: unjudged}[row.passed]
     return text(verdict, result=result, limit=f"{row.tolerance_um:g}")
 
 
@@ -231,7 +233,10 @@ def _facts(found: RunStory, text: Catalogue) -> list[tuple[str, str]]:
     """Return versions, hashes, set-up and diameter, as far as they are recorded."""
     rows = fact_rows((*origin_facts(found), *setup_facts(found)), text, Layout.COMMAND)
     diameter = _diameter(found.row, text)
-    return [*rows, *([(text("roundness.mean_diameter"), diameter)] if diameter else [])]
+    part = found.product
+    judged = () if part is None or (part.passed is None and part.is_good is not None) else part.judged
+    rows += [(text("roundness.mean_diameter"), diameter)] if diameter else []
+    return [*rows, *judged_rows(judged, text)]
 
 
 def _diameter(row: RunRow, text: Catalogue) -> str:

@@ -20,6 +20,9 @@ from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
+    from profiles.metrology.conformity import JudgedFigure
+    from profiles.metrology.cylindricity import CylinderResult
+    from profiles.trace_files.header import TraceHeader
     from profiles.trace_files.sections import TraceSection
 
 REFERENCE_CIRCLES = ("LSC", "MZC", "MCC", "MIC")
@@ -44,11 +47,20 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Evaluate a trace and print its roundness; warnings go to stderr."""
-    from console.cli.library import job_of, naming
-    from console.cli.measured.roundness_report import roundness_lines, trace_fields, v_block_fields, v_block_lines
+    from console.cli.library import naming
+    from console.cli.measured.roundness_report import (
+        judged_rows,
+        roundness_lines,
+        trace_fields,
+        v_block_fields,
+        v_block_lines,
+    )
     from console.cli.measured.trace_evaluation import evaluate_trace_file
     from console.cli.output import show, tell
+    from console.text.columns import table
+    from console.text.part_sentences import judged_fields, section_words
     from profiles.files import printable
+    from profiles.metrology.conformity import passes_all
     from profiles.trace_files.sections import read_sections
 
     if options.fail_out_of_tolerance and options.job is None:
@@ -66,28 +78,55 @@ def main(options: Namespace, text: Catalogue) -> int:
     else:
         fields, lines = trace_fields(measured), roundness_lines(measured, text)
     more = {"meta": dict(measured.trace.meta), "warnings": warnings}
-    show(options, lambda: {"file": options.file, **fields, **more}, lambda: lines)
-    if options.fail_out_of_tolerance and measured.result.ront_um > job_of(options).job.roundness_tolerance_um:
-        return OUT_OF_TOLERANCE
-    return 0
+    figures = measured.result.ront_um, measured.result.mean_deviation_um
+    judged = _judged(options, measured.header, figures, None, sections[0].z_mm)
+    said = ["", section_words(sections[0].z_mm, text), *table(judged_rows(judged, text))] if judged else []
+    fields |= judged_fields(judged)
+    show(options, lambda: {"file": options.file, **fields, **more}, lambda: [*lines, *said])
+    return OUT_OF_TOLERANCE if options.fail_out_of_tolerance and passes_all(judged) is False else 0
 
 
 def _whole(options: Namespace, sections: Sequence[TraceSection], text: Catalogue) -> int:
     """Print the form over the length of a part that was measured in several sections."""
-    from console.cli.library import job_of
-    from console.cli.measured.roundness_report import form_fields, form_lines
+    from console.cli.measured.roundness_report import form_fields, form_lines, judged_rows
     from console.cli.output import show
+    from console.text.columns import table
+    from console.text.part_sentences import judged_fields
+    from profiles.metrology.conformity import passes_all
     from profiles.metrology.cylindricity import evaluate_cylinder, part_section
+    from profiles.trace_files.header import header_of
 
     if unused := [f"--{name}" for name in OF_ONE_SECTION if getattr(options, name) not in (None, False, "LSC")]:
         print(f"console roundness: {text('usage.one_section', options=', '.join(unused))}", file=sys.stderr)
         return WRONG_USAGE
     whole = evaluate_cylinder([part_section(each) for each in sections], filter_upr=options.filter)
     files = [options.file, *options.others]
-    show(options, lambda: {"files": files, **form_fields(whole)}, lambda: form_lines(whole, text))
-    if options.fail_out_of_tolerance and whole.worst.ront_um > job_of(options).job.roundness_tolerance_um:
-        return OUT_OF_TOLERANCE
-    return 0
+    header, _ = header_of(sections[0].trace.meta)
+    first = whole.sections[0]
+    judged = _judged(options, header, (first.ront_um, first.mean_um), whole, first.z_mm)
+    said = ["", *table(judged_rows(judged, text))] if judged else []
+    fields = {"files": files, **form_fields(whole), **judged_fields(judged)}
+    show(options, lambda: fields, lambda: [*form_lines(whole, text), *said])
+    return OUT_OF_TOLERANCE if options.fail_out_of_tolerance and passes_all(judged) is False else 0
+
+
+def _judged(
+    options: Namespace,
+    header: TraceHeader,
+    section: tuple[float, float],
+    whole: CylinderResult | None,
+    z_mm: float | None,
+) -> tuple[JudgedFigure, ...]:
+    """Return the figures of a part against the limits of its job, none without; `section` as for `judge_part`."""
+    from console.cli.library import job_of
+    from profiles.metrology.conformity import judge_part
+
+    if options.job is None:
+        return ()
+    job, off_um = job_of(options).job, None
+    if header.radius_mm is not None and header.size != "relative":
+        off_um = 2000.0 * (header.radius_mm - job.finished_radius_mm) + 2.0 * section[1]
+    return judge_part(job.tolerances, section, whole, off_um, z_mm)
 
 
 def _filter(word: str) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -10,7 +10,9 @@ from console.cli.output import fields_of
 from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from console.text.part_sentences import all_cause_words, judged_words
 from profiles.metrology.circles import ReferenceCircle
+from profiles.metrology.conformity import JudgedFigure
 from profiles.metrology.cylindricity import CylinderResult
 from profiles.metrology.harmonics import usable_factor
 from profiles.metrology.points import gaussian_transmission
@@ -93,7 +95,20 @@ def form_lines(whole: CylinderResult, text: Catalogue) -> list[str]:
         *table(cylinders, numeric=(1, 2, 3, 4)),
         "",
         *table(lines, numeric=(1,)),
+        *cause_rows(whole, text),
     ]
+
+
+def judged_rows(figures: Sequence[JudgedFigure], text: Catalogue) -> list[tuple[str, str]]:
+    """Return the verdict of each figure as rows of a table of two columns, the first with its name."""
+    words = [judged_words(each, text) for each in figures]
+    return [("" if number else text("run.verdict"), each) for number, each in enumerate(words)]
+
+
+def cause_rows(whole: CylinderResult, text: Catalogue) -> list[str]:
+    """Return why the sections of a part differ, with a title; nothing where they do not."""
+    causes = [f"  {words}" for words in all_cause_words((), whole.causes, text)]
+    return ["", text("cause.title"), *causes] if causes else []
 
 
 def _parameters(found: RoundnessResult | ReferenceCircle) -> dict[str, float]:

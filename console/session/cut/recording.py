@@ -10,7 +10,7 @@ import numpy as np
 
 from console.session.cut.cut_verdict import CutVerdict
 from console.session.cut.telemetry import PHASE_SAMPLES, Floats, phase_of
-from console.session.data.measured_part import RecordedPart, result_data
+from console.session.data.measured_part import CYLINDRICITY_LIMIT, RecordedPart, result_data
 from console.session.data.run_log import Poll, RunLog
 from console.session.stages import Stage
 from drivers.cutting.planning import CutPlan
@@ -200,7 +200,7 @@ def part_record(
         nominal_diameter_mm=job.finished_diameter_mm,
         diameter_tolerance_um=job.diameter_tolerance_um,
         lobe_um_pp=2.0 * result.amplitude_um(job.jaws),
-        data={**result_data(result), **(more or {})},
+        data={**result_data(result), CYLINDRICITY_LIMIT: job.cylindricity_tolerance_um, **(more or {})},
         trace=trace_content(with_made) if file is None else file[1],
         trace_name=None if file is None else file[0],
     )

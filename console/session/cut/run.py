@@ -22,6 +22,7 @@ from console.session.cut.engine import (
 )
 from console.session.cut.force_watch import ForceWatch
 from console.session.cut.interlocks import of_job, of_lobe, of_zero
+from console.session.cut.recording import mean_diameter_of
 from console.session.cut.telemetry import CutFigures
 from console.session.cut.trip_cause import with_cause
 from console.session.errors import SessionError, fault_problem, refuse
@@ -35,7 +36,9 @@ from profiles.compensations.force_null import ForceNull
 from profiles.compensations.path import CutPath, ExpectedResidual, expect_residual
 from profiles.findings import Severity, refusals
 from profiles.job import Job
+from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
+from profiles.metrology.conformity import JudgedFigure, judge_part, passes_all
 from profiles.metrology.cylindricity import LEAST_SECTIONS, CylinderResult, PartSection, evaluate_cylinder
 from profiles.problem import Problem, ProblemError
 from profiles.roundness import RoundnessResult, evaluate
@@ -110,11 +113,22 @@ class RunResult:
         return self.plan.job.jaws * self.figures.spindle_speed_rpm / 60.0
 
     @property
-    def within_tolerance(self) -> bool | None:
-        """Whether the part is within the job's roundness tolerance; None of one not meant to be, or not proven."""
+    def judged(self) -> tuple[JudgedFigure, ...]:
+        """Its figures against the limits of its job; none of a part not meant to be good, or not proven."""
         if self.after is None or self.plan.stage is not Stage.FULL or not self.figures.verdict.proven:
-            return None
-        return self.after.ront_um <= self.plan.job.roundness_tolerance_um
+            return ()
+        job, diameter_mm = self.plan.job, None if self.trace is None else mean_diameter_of(self.trace, self.after)
+        off_um = None if diameter_mm is None else 1000.0 * (diameter_mm - job.finished_diameter_mm)
+        section = self.after.ront_um, self.after.mean_deviation_um
+        return judge_part(job.tolerances, section, self.whole, off_um, middle_mm(job))
+
+    @property
+    def within_tolerance(self) -> bool | None:
+        """Whether the part is within all tolerances of its job over its length.
+
+        None of one not meant to be good, not proven, or of a cylindricity that was not measured.
+        """
+        return passes_all(self.judged) if self.judged else None
 
 
 def refuse_unplannable(

@@ -20,6 +20,17 @@ from console.session.errors import SessionError
 from console.session.force_record import force_of
 from drivers.simulator.plant.which_lathe import LATHE, WHICH
 from profiles.files import printable
+from profiles.metrology.conformity import (
+    JudgedFigure,
+    MeasuredFigures,
+    SectionForm,
+    ToleranceKind,
+    Tolerances,
+    figure_of,
+    judge_figures,
+    passes_all,
+)
+from profiles.metrology.length_causes import CAUSES, LengthCause, LengthCauseKind
 from profiles.problem import Problem
 from profiles.strict_values import from_json, number, number_or_none, text, whole_number
 from profiles.traces import Trace, parse_trace
@@ -292,6 +303,8 @@ PART_COLUMNS = (
 """Columns of `measurements` that are fields of `RecordedPart`."""
 
 _BOOLEAN = ("product", "passed")
+SECTION_KEYS = ("z_mm", "RONt_um", "mean_um")
+CYLINDRICITY_LIMIT = "cylindricity_tolerance_um"  # of the figures of a part
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -339,9 +352,52 @@ class RecordedPart:
         return self.trace is None or self.trace_sha256 in same
 
     @property
+    def sections(self) -> tuple[SectionForm, ...]:
+        """Its sections, if it was measured over its length; those that cannot be read are left out."""
+        listed, found = self.data.get("sections"), []
+        for each in listed if isinstance(listed, list) else ():
+            values = [number_or_none(each.get(key)) for key in SECTION_KEYS] if isinstance(each, dict) else [None]
+            z_mm, ront_um, mean_um = values if len(values) == len(SECTION_KEYS) else (None,) * 3
+            if z_mm is not None and ront_um is not None and mean_um is not None:
+                found.append(SectionForm(z_mm=z_mm, ront_um=ront_um, mean_um=mean_um))
+        return tuple(found)
+
+    @property
+    def length_causes(self) -> tuple[LengthCause, ...]:
+        """Why its sections differ, as it was recorded; nothing if that cannot be read."""
+        try:
+            listed = [{**each, "kind": LengthCauseKind(each["kind"])} for each in self.data.get(CAUSES, ())]
+            return tuple(LengthCause(**each) for each in listed)
+        except (TypeError, ValueError, KeyError):
+            return ()
+
+    @property
+    def judged(self) -> tuple[JudgedFigure, ...]:
+        """Its figures against their limits."""
+        measured = MeasuredFigures(
+            ront_um=self.ront_um,
+            mean_um=number_or_none(self.data.get("mean_deviation_um")) or 0.0,
+            off_um=self.off_nominal_um,
+            z_mm=number_or_none(self.data.get("z_mm")),
+            sections=self.sections,
+            cylt_um=number_or_none(self.data.get("CYLt_um")),
+        )
+        limits = Tolerances(
+            roundness_um=self.tolerance_um,
+            cylindricity_um=number_or_none(self.data.get(CYLINDRICITY_LIMIT)),
+            diameter_um=self.diameter_tolerance_um,
+        )
+        return judge_figures(measured, limits)
+
+    def figure(self, kind: ToleranceKind) -> JudgedFigure | None:
+        """Return one of its figures against its limit, None if it has none."""
+        return figure_of(kind, self.judged)
+
+    @property
     def is_round(self) -> bool | None:
-        """Whether RONt is within its tolerance; the recorded verdict without one."""
-        return self.passed if self.tolerance_um is None else self.ront_um <= self.tolerance_um
+        """Whether RONt is within its tolerance in each section; the recorded verdict without one."""
+        figure = self.figure(ToleranceKind.ROUNDNESS)
+        return self.passed if figure is None else figure.passes
 
     @property
     def off_nominal_um(self) -> float | None:
@@ -352,14 +408,17 @@ class RecordedPart:
 
     @property
     def is_of_size(self) -> bool | None:
-        """Whether the mean diameter is within its tolerance; None without a diameter or a tolerance."""
-        off_um, most_um = self.off_nominal_um, self.diameter_tolerance_um
-        return None if off_um is None or most_um is None else abs(off_um) <= most_um
+        """Whether each mean diameter is within its tolerance; None without a diameter or a tolerance."""
+        figure = self.figure(ToleranceKind.DIAMETER)
+        return None if figure is None else figure.passes
 
     @property
-    def is_good(self) -> bool:
-        """Whether its figures are within their tolerances; a size that was not measured is not judged."""
-        return self.is_round is not False and self.is_of_size is not False
+    def is_good(self) -> bool | None:
+        """Whether its figures are within their tolerances; a size that was not measured is not judged.
+
+        None if nothing fails, but its cylindricity was not measured.
+        """
+        return False if self.is_round is False else passes_all(self.judged)
 
     def read_trace(self) -> Trace | None:
         """Parse the trace, with the operator's answers in its header; None without one. ProfileError."""

@@ -11,14 +11,22 @@ from console.session.station.state import MeasuredPart
 from console.session.work import Work
 from drivers.cutting.strategy import Strategy
 from profiles.compensations.causes import CauseKind
+from profiles.metrology.conformity import ToleranceKind, passes_all
+from profiles.metrology.length_causes import LengthCause
 from profiles.problem import Problem
 
 ELSEWHERE = "learned.lobe_elsewhere"
 
 
 def fails(part: MeasuredPart) -> bool:
-    """Whether a part is out of its job's tolerance; one with half its compensation is not judged."""
-    return not part.is_half and part.result.ront_um > part.job.roundness_tolerance_um
+    """Whether a part is not round over its length; one with half its compensation is not judged, nor a size."""
+    form = (each for each in part.judged if each.kind is not ToleranceKind.DIAMETER)
+    return not part.is_half and passes_all(form) is False
+
+
+def causes_along(part: MeasuredPart) -> tuple[LengthCause, ...]:
+    """Return why its sections differ; nothing of a part that was measured in one."""
+    return () if part.whole is None else part.whole.causes
 
 
 def is_elsewhere(taught: LearningOutcome) -> bool:

@@ -20,6 +20,7 @@ from console.session.station import commands as do
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart
 from drivers.cutting.feed_hold import HoldState
+from profiles.metrology.conformity import passes_all
 
 Condition = Callable[[Situation], bool]
 
@@ -247,6 +248,7 @@ INSPECT = (
         Row("inspect.part_learn", lambda s: s.stands_out, "inspect.accept"),
         Row("inspect.diameter", _part(lambda part, s: _OFF_SIZE(s) and part.offset_taken), "inspect.next"),
         Row("inspect.offset", _OFF_SIZE, "inspect.offset", do.CorrectTouchOff),
+        Row("inspect.no_length", _part(lambda part, _: passes_all(part.judged) is None), "inspect.import"),
         Row("inspect.part", is_always_due, "inspect.next"),
     ),
     Row("inspect.failed", lambda s: s.learning_result is None, "inspect.next"),

@@ -104,6 +104,7 @@ def learn(
         after=made[-1].roundness,
         figures=made[-1].figures,
         collisions=tuple(dict.fromkeys(kind for each in made for kind in each.collisions)),
+        whole=made[-1].whole,
         floor=floor,
         parts=made,
     )

@@ -22,6 +22,8 @@ from drivers.cutting.strategy import Strategy
 from profiles.compensations.causes import Cause
 from profiles.files import parse_toml
 from profiles.machine import machine_from_table
+from profiles.metrology.conformity import ToleranceKind
+from profiles.metrology.length_causes import LengthCause
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
 
@@ -69,8 +71,8 @@ class Incident:
 class RunDebrief:
     """The debrief of a run. `causes` are those of a `part` that is not round enough, largest first.
 
-    `off_um` is the deviation of the diameter, None if within its tolerance or not judged; `unknown` are the gaps
-    of the record.
+    `along` is why the sections of a part that fails differ, `off_um` the deviation of its diameter, None if within
+    its tolerance or not judged; `unknown` are the gaps of the record.
     """
 
     happened: tuple[Incident, ...]
@@ -78,6 +80,7 @@ class RunDebrief:
     fails_round: bool
     off_um: float | None
     causes: tuple[Cause, ...]
+    along: tuple[LengthCause, ...]
     unknown: tuple[Problem, ...]
     advice: tuple[Advice, ...]
 
@@ -100,13 +103,15 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
         except ProblemError as error:
             unknown += error.problems
     happened = tuple(_list_events(story))
-    off_um = part.off_nominal_um if part is not None and part.is_of_size is False else None
+    size = None if part is None else part.figure(ToleranceKind.DIAMETER)
+    off_um = size.value_um if size is not None and size.passes is False else None
     found = RunDebrief(
         happened=happened,
         part=part,
         fails_round=fails_round,
         off_um=off_um,
         causes=causes,
+        along=part.length_causes if part is not None and part.passed is False else (),
         unknown=tuple(unknown),
         advice=(),
     )
@@ -151,8 +156,9 @@ def _unknown(story: RunStory, part: RecordedPart | None) -> Iterator[Problem]:
         yield Problem(code="debrief.not_measured")
         return
     if part.passed is None:
-        partial = story.row.stage == Stage.PARTIAL
-        yield Problem(code="debrief.partial" if partial else "debrief.not_judged")
+        partial, code = story.row.stage == Stage.PARTIAL, "debrief.not_judged"
+        code = "debrief.no_length" if part.is_good is None else code
+        yield Problem(code="debrief.partial" if partial else code)
     if part.trace is None:
         yield Problem(code="debrief.no_trace")
     if story.job_text is None or story.machine_text is None:
@@ -181,7 +187,7 @@ def _is_shown(event: RunEvent) -> bool:
 
 
 def _advice(story: RunStory, found: RunDebrief) -> Iterator[Advice]:
-    if found.causes:
+    if found.causes or found.along:
         yield Advice.CAUSES
     elif found.fails_round and story.row.strategy in _PLAIN:
         yield Advice.PLAIN

@@ -14,6 +14,7 @@ from console.session.station.alarms import Alarms
 from drivers.cutting.bounds import UNCHANGEABLE, Bounds
 from drivers.lathe.console_role import NOBODY, ConsoleRole, Signature
 from drivers.lathe.snapshot import Snapshot
+from profiles.metrology.conformity import JudgedFigure, ToleranceKind, figure_of, judge_part
 from profiles.problem import Problem
 from profiles.trace_files.header import DIAMETER_STATED, size_doubt
 
@@ -167,12 +168,19 @@ class MeasuredPart:
         return None if self.diameter_mm is None else size_doubt(self.diameter_mm / 2.0, self.job)
 
     @property
+    def judged(self) -> tuple[JudgedFigure, ...]:
+        """Its figures against the limits of its job; no diameter where one was stated as the radius."""
+        doubt, diameter_mm, off_um = self.size_doubt, self.diameter_mm, None
+        if diameter_mm is not None and (doubt is None or doubt.code != DIAMETER_STATED):
+            off_um = 1000.0 * (diameter_mm - self.job.finished_diameter_mm)
+        section = self.result.ront_um, self.result.mean_deviation_um
+        return judge_part(self.job.tolerances, section, self.whole, off_um, self.section_z_mm)
+
+    @property
     def diameter_passes(self) -> bool | None:
-        """Whether the mean diameter is within the tolerance of its job; None if it is not judged."""
-        most_um, doubt = self.job.diameter_tolerance_um, self.size_doubt
-        if most_um is None or self.diameter_mm is None or (doubt is not None and doubt.code == DIAMETER_STATED):
-            return None
-        return abs(self.diameter_mm - self.job.finished_diameter_mm) * 1000.0 <= most_um
+        """Whether each mean diameter is within the tolerance of its job; None if it is not judged."""
+        figure = figure_of(ToleranceKind.DIAMETER, self.judged)
+        return None if figure is None else figure.passes
 
     @property
     def is_half(self) -> bool:

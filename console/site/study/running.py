@@ -35,8 +35,6 @@ from profiles.strict_values import from_json
 
 if TYPE_CHECKING:
     from console.session.cut.run import RunResult
-    from console.session.cut.telemetry import CutFigures
-    from profiles.roundness import RoundnessResult
 
 AHEAD = 2
 """Cells that wait for each worker: none has to wait for its next."""
@@ -231,22 +229,25 @@ def _rows(cell: Cell) -> tuple[Row, ...]:
     if cell.parts > 1:
         learned = learn(plan, open_machine, nothing, cell.parts)
         return tuple(
-            _result_row(cell, learned, part.roundness, part.figures, part.collisions, number)
+            _result_row(
+                cell,
+                replace(learned, after=part.roundness, figures=part.figures, whole=part.whole),
+                part.collisions,
+                number,
+            )
             for number, part in enumerate(learned.parts, start=1)
         )
     one = run(plan, open_machine, nothing) if cell.compare else run_once(plan, open_machine(), nothing)
-    return (_result_row(cell, one, one.after, one.figures, one.collisions, 1),)
+    return (_result_row(cell, one, one.collisions, 1),)
 
 
 def _result_row(
     cell: Cell,
     result: RunResult,
-    roundness: RoundnessResult | None,
-    figures: CutFigures,
     collisions: tuple[str, ...],
     part: int,
 ) -> Row:
-    job, before = result.plan.job, result.before
+    job, before, roundness, figures = result.plan.job, result.before, result.after, result.figures
     values: dict[str, Value] = {
         "part": part,
         "outcome": MADE,
@@ -260,10 +261,9 @@ def _result_row(
         "collisions": " ".join(collisions),
     }
     if roundness is not None:
-        judged = cell.stage == FULL and figures.verdict.proven
         values |= {
             "ront_um": roundness.ront_um,
-            "within_tolerance": roundness.ront_um <= job.roundness_tolerance_um if judged else None,
+            "within_tolerance": result.within_tolerance,
             "lobe_um_pp": 2.0 * roundness.amplitude_um(job.jaws),
             "mean_deviation_um": roundness.mean_deviation_um,
         }

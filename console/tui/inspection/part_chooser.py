@@ -144,8 +144,7 @@ class PartChooser(Sheet):
             return [*rows, *wrap_line(text("inspect_page.no_parts"), width, Token.DIM)]
         for place, point in enumerate(found, start=1):
             name = f"{local(point.at)}  {printable(point_words(point, text), 40)}  {printable(point.part, 12)}"
-            tolerance = point.tolerance_um
-            mark = "·" if tolerance is None else "✓" if point.ront_um <= tolerance else "✗"
+            mark = {True: "✓", False: "✗", None: "·"}[None if point.tolerance_um is None else point.is_round]
             rows.append(
                 self._row(place, line(name), line(f" {text.units.show(point.ront_um, 'um', 2)} {mark}"), width)
             )

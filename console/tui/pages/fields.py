@@ -57,6 +57,7 @@ FORM: tuple[FormField, ...] = (
     FormField(key="spindle_speed_rpm", heading="cut", decimals=1),
     FormField(key="cut_length_mm", heading="cut", decimals=3),
     FormField(key="roundness_tolerance_um", heading="cut", decimals=1),
+    FormField(key="cylindricity_tolerance_um", heading="cut", decimals=1),
     FormField(key="diameter_tolerance_um", heading="cut", decimals=1),
     FormField(key="lobe_error_source", heading="cut"),
 )

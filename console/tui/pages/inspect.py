@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 
 from console.session.data.trace_folder import export_trace
-from console.session.guide.measured_part import fails, follows_lobe, is_taken
+from console.session.guide.measured_part import causes_along, fails, follows_lobe, is_taken
 from console.session.guide.refusals import LOOKS, find_refusals
 from console.session.guide.rows import INSPECT, row_of
 from console.session.guide.situation import Situation
@@ -274,7 +274,7 @@ class InspectPage(ChartPage):
         elif part.lobe is not None:
             rows = lobe_lines(part.lobe, view.work, text, width)
         elif part.learning is not None:
-            rows = learn_lines(part.learning, view.work, text, width, failed=fails(part))
+            rows = learn_lines(part.learning, view.work, text, width, failed=fails(part), along=causes_along(part))
             rows += force_lines(part, view.state.force, text, width)
             rows += certified_lines(part.learning, text, width)
         if self._seen is not None:
@@ -413,9 +413,10 @@ class InspectPage(ChartPage):
             return
         failed, width, learning = fails(part), max(room.width, 1), part.learning
         # The plain words, and why nothing is learned, are shown in full, at the cost of the plot.
-        head = head_lines(learning, view.work, text, width, failed=failed, brief=True)
+        along = causes_along(part)
+        head = head_lines(learning, view.work, text, width, failed=failed, brief=True, along=along)
         force = force_lines(part, view.state.force, text, width)
-        rows = learn_lines(learning, view.work, text, width, failed=failed, brief=True)
+        rows = learn_lines(learning, view.work, text, width, failed=failed, brief=True, along=along)
         rows[len(head) : len(head)] = force
         more = text("panel.more") if len(rows) > room.height else ""
         self._learn.show(rows[: room.height], learn_title(learning, text), more)

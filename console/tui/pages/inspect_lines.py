@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from console.session.data.measured_part import RecordedPart
 from console.session.data.run_rows import MODEL
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
+from console.text.part_sentences import section_words
 from console.text.recorded_words import local
 from console.tui.inspection.comparison import PartComparison, Side
 from console.tui.lines import (
@@ -30,7 +30,7 @@ from console.tui.pages.stop_lines import mark_lines
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.metrology.circles import CIRCLES
-from profiles.metrology.cylindricity import MINIMUM_ZONE
+from profiles.metrology.conformity import JudgedFigure, ToleranceKind
 from profiles.roundness import RoundnessResult
 
 FRONT_MULTIPLES = 3  # multiples of the number of jaws that are listed before the other harmonics
@@ -122,7 +122,7 @@ def result_lines(
     before, after = seen.before, seen.after.result if seen.after else None
     chosen = seen.looked.circle
     head, four = [_heading(seen, text, width)], [_ront(seen, kind, text, width) for kind in CIRCLES]
-    diameter = [*_whole(seen.part, text, width), *_diameter(seen.part, text, width)]
+    diameter, whole = _diameter(seen.part, text, width), _whole(seen.part, text, width)
     lesser = [
         _columns(
             name, _figure(before.result, chosen, key, text), _figure(after, chosen, key, text), width, Token.TEXT
@@ -139,12 +139,12 @@ def result_lines(
     circles = four if len(four) <= room else [_ront(seen, chosen, text, width)]
     room -= len(circles)
     kept: list[list[Line]] = []
-    for rows in (lobe, gained, lesser):  # the most important first; each as a whole, or not at all
+    for rows in (whole, lobe, gained, lesser):  # the most important first; each as a whole, or not at all
         fits = len(rows) <= room
         kept.append(rows if fits else [])
         room -= len(rows) if fits else 0
-    lobe, gained, lesser = kept
-    shown = [*head, *circles, *diameter, *lesser, *lobe, *gained, *lines, *wrong]
+    whole, lobe, gained, lesser = kept
+    shown = [*head, *circles, *whole, *diameter, *lesser, *lobe, *gained, *lines, *wrong]
     if room > 1 and before.result is None and seen.after is not None:
         shown += [BLANK, *wrap_line(text("inspect_page.stated_long"), width, Token.DIM)]
     return clip_lines(shown, height, text("panel.more"))
@@ -176,7 +176,7 @@ def _whole(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
     if part.whole is None:
         return []
     worst, unit = part.whole.worst, text.units
-    cylt = unit.show(part.whole.cylinder(MINIMUM_ZONE).cylt_um, "um", 2)
+    cylt = unit.show(part.whole.cylt_um, "um", 2)
     name = text("inspect_page.worst", z=unit.show(worst.z_mm, "mm", 1))
     return [
         justify_line(
@@ -256,25 +256,32 @@ def _reduction_lines(seen: PartComparison, text: Catalogue, width: int) -> list[
 
 
 def _verdict(seen: PartComparison, text: Catalogue, width: int) -> list[Line]:
-    part = seen.part
-    size = diameter_verdict(part.diameter_mm, part.job.diameter_tolerance_um, part.diameter_passes, text, width)
-    return [*_roundness_verdict(seen, text, width), *size]
+    part, nominal_mm = seen.part, seen.part.job.finished_diameter_mm
+    rows = [*_roundness_verdict(seen, text, width)]
+    for figure in part.judged:
+        is_form = figure.kind is ToleranceKind.CYLINDRICITY and part.proven and not part.is_half
+        if is_form or figure.kind is ToleranceKind.DIAMETER:
+            rows.append(judged_line(figure, nominal_mm, text, width))
+    if part.whole is None:
+        rows += hanging(dim("· "), section_words(part.section_z_mm, text), width, Token.DIM)
+    return rows
 
 
-def diameter_verdict(
-    diameter_mm: float | None, limit_um: float | None, passes: bool | None, text: Catalogue, width: int
-) -> list[Line]:
-    """Return whether a diameter is within its tolerance; nothing without one, or without the size."""
-    if passes is None or diameter_mm is None or limit_um is None:
-        return []
-    facts = {"value": text.units.figure(diameter_mm, "mm", 3), "limit": text.units.format_short(limit_um, "um")}
-    return [judged_line("diameter_", facts, text, width, passes=passes)]
-
-
-def judged_line(what: str, facts: Mapping[str, str], text: Catalogue, width: int, *, passes: bool) -> Line:
-    """Return a verdict with its mark: `what` is "diameter_", or "" for the roundness."""
-    mark, token, word = ("✓ ", Token.STRONG, "pass") if passes else ("✗ ", Token.WARNING, "fail")
-    return line((mark + fit_text(text(f"inspect_page.{what}{word}", **facts), max(width - 2, 0)), token))
+def judged_line(figure: JudgedFigure, nominal_mm: float, text: Catalogue, width: int) -> Line:
+    """Return a figure against its limit with the mark of its verdict; a diameter as it was measured."""
+    what = "" if figure.kind is ToleranceKind.ROUNDNESS else f"{figure.kind}_"
+    mark, token, word = {
+        True: ("✓ ", Token.STRONG, "pass"),
+        False: ("✗ ", Token.WARNING, "fail"),
+        None: ("? ", Token.WARNING, "open"),
+    }[figure.passes]
+    facts = roundness_facts(figure.value_um or 0.0, figure.limit_um, text)
+    if figure.kind is ToleranceKind.DIAMETER:
+        value_mm = nominal_mm + (figure.value_um or 0.0) / 1000.0
+        limit = text.units.format_short(figure.limit_um, "um")
+        facts = {"value": text.units.figure(value_mm, "mm", 3), "limit": limit}
+    at = "" if figure.z_mm is None else text("inspect_page.at", z=text.units.figure(figure.z_mm, "mm", 1))
+    return line((mark + fit_text(text(f"inspect_page.{what}{word}", at=at, **facts), max(width - 2, 0)), token))
 
 
 def roundness_facts(ront_um: float, limit_um: float | None, text: Catalogue) -> dict[str, str]:
@@ -286,13 +293,13 @@ def roundness_facts(ront_um: float, limit_um: float | None, text: Catalogue) -> 
 def _roundness_verdict(seen: PartComparison, text: Catalogue, width: int) -> list[Line]:
     if seen.part.is_half:
         return [line(dim(fit_text(f"· {text('inspect_page.half')}", width)))]
-    ront_um, limit_um = seen.part.result.ront_um, seen.part.job.roundness_tolerance_um
-    facts = roundness_facts(ront_um, limit_um, text)
+    figure, nominal_mm = seen.part.judged[0], seen.part.job.finished_diameter_mm
     if not seen.part.proven:
+        facts = roundness_facts(figure.value_um or 0.0, figure.limit_um, text)
         return [
             line((f"? {fit_text(text('inspect_page.not_proven', **facts), max(width - 2, 0))}", Token.WARNING))
         ]
-    rows = [judged_line("", facts, text, width, passes=ront_um <= limit_um)]
+    rows = [judged_line(figure, nominal_mm, text, width)]
     if not seen.looked.is_verdict:  # figures beside it are by something else
         result = seen.part.result
         by = text("inspect_page.judged_by", circle=result.reference_circle, filter=filter_words(result, text))

@@ -196,7 +196,7 @@ def job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
     diameter, wall = (text.units.figure(each, "mm", 1) for each in (job.diameter_mm, job.wall_thickness_mm))
     size = f"D {diameter}" + ("" if solid else f" x {wall}") + f" {text.units.unit('mm')}"
     lobe = text("jobs_page.jaws", count=job.jaws, frequency=f"{job.lobe_frequency_hz:.1f}")
-    rows = (
+    rows: tuple[tuple[str, str], ...] = (
         (text("jobs_page.part"), form),
         (text("jobs_page.outside") if solid else text("jobs_page.size"), size),
         (text("jobs_page.overhang"), text.units.show(job.overhang_mm, "mm", 3)),
@@ -213,6 +213,8 @@ def job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
         (text("jobs_page.uncompensated"), _lobe_error(job, text)),
         (text("jobs_page.tolerance"), text.units.show(job.roundness_tolerance_um, "um", 1)),
     )
+    if job.cylindricity_tolerance_um is not None:
+        rows += ((text("jobs_page.cylindricity"), text.units.show(job.cylindricity_tolerance_um, "um", 1)),)
     return [_fact(label, value, width) for label, value in rows]
 
 

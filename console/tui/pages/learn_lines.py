@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 
@@ -16,12 +17,13 @@ from console.session.stages import Stage
 from console.session.station.state import MeasuredPart
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.text.part_sentences import cause_words, certificate_lines, force_words
+from console.text.part_sentences import all_cause_words, certificate_lines, force_words
 from console.text.recorded_words import is_plain, stage_words, strategy_words
 from console.tui.lines import BLANK, Line, hanging, line, name_in, wrap_line
 from console.tui.theme import Token
 from profiles.compensations.path import expect_residual
 from profiles.files import printable
+from profiles.metrology.length_causes import LengthCause
 
 _DATED = re.compile(r"-(\d{4})-?(\d\d)-?(\d\d)T(\d\d):?(\d\d)")
 _LONGEST_NAME = 16
@@ -69,13 +71,17 @@ def learn_lines(
     *,
     failed: bool = False,
     brief: bool = False,
+    along: Sequence[LengthCause] = (),
 ) -> list[Line]:
     """Return the part in plain words, its learning step in figures or why it has none, and warnings.
 
     A part that has `failed` begins with the causes; `brief` shows only the largest.
     """
-    lines = head_lines(learning, work, text, width, failed=failed, brief=brief)
+    lines = head_lines(learning, work, text, width, failed=failed, brief=brief, along=along)
     taught = learning.taught
+    if not failed and not brief:
+        for words in all_cause_words((), along, text):
+            lines += hanging(_CAUSE, words, width)
     if taught is not None:
         lines += wrap_line(_harmonics_words(taught, text), width)
         lines += wrap_line(" · ".join(_facts(taught, work, text)), width)
@@ -85,10 +91,17 @@ def learn_lines(
 
 
 def head_lines(
-    learning: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool, brief: bool
+    learning: PartLearning,
+    work: Work | None,
+    text: Catalogue,
+    width: int,
+    *,
+    failed: bool,
+    brief: bool,
+    along: Sequence[LengthCause] = (),
 ) -> list[Line]:
     """Return the plain words: causes of a failed part, its residual, the key to press, reasons of a refusal."""
-    lines = cause_lines(learning, text, width, brief=brief) if failed else []
+    lines = cause_lines(learning, text, width, brief=brief, along=along) if failed else []
     lines += wrap_line(plain_words(learning, work, text, failed=failed), width, Token.STRONG)
     return [*lines, *reason_lines(learning, text, width)]
 
@@ -101,10 +114,12 @@ def force_lines(part: MeasuredPart, check: ForceCheck | None, text: Catalogue, w
     return wrap_line(force_words(check.found, text), width, token)
 
 
-def cause_lines(learning: PartLearning, text: Catalogue, width: int, *, brief: bool) -> list[Line]:
-    """Return why a part that failed is not round, largest first; only the largest if `brief`."""
+def cause_lines(
+    learning: PartLearning, text: Catalogue, width: int, *, brief: bool, along: Sequence[LengthCause]
+) -> list[Line]:
+    """Return why a part that failed is not round, `along` its length too, largest first; `brief`: only that."""
     causes = () if learning.taught is None else learning.taught.causes
-    words = [cause_words(cause, text) for cause in causes[: 1 if brief else None]]
+    words = all_cause_words(causes, along, text)[: 1 if brief else None]
     said = [" ".join((text("inspect_page.plain.missed"), *words[:1])), *words[1:]]
     return [row for sentence in said for row in hanging(_CAUSE, sentence, width, Token.STRONG)]
 

@@ -21,7 +21,7 @@ from console.text.recorded_words import (
 )
 from console.text.run_debrief import debrief_sections
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wrap_line
-from console.tui.pages.inspect_lines import FRONT_MULTIPLES, diameter_verdict, judged_line, roundness_facts
+from console.tui.pages.inspect_lines import FRONT_MULTIPLES, judged_line, roundness_facts
 from console.tui.pages.jobs_lines import job_lines
 from console.tui.pages.learn_lines import cut_words
 from console.tui.theme import Token
@@ -71,11 +71,13 @@ def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 
 def _verdict(part: RecordedPart, text: Catalogue, width: int) -> list[Line]:
     """Return RONt of a part against its tolerance, and its diameter if that has one, as they were judged."""
-    facts = roundness_facts(part.ront_um, part.tolerance_um, text)
+    judged, nominal_mm = part.judged, part.nominal_diameter_mm or 0.0
     if part.passed is None:
-        return [line((text("records_page.not_judged", **facts), Token.TEXT))]
-    size = diameter_verdict(part.diameter_mm, part.diameter_tolerance_um, part.is_of_size, text, width)
-    return [judged_line("", facts, text, width, passes=bool(part.is_round)), *size]
+        facts = roundness_facts(part.ront_um, part.tolerance_um, text)
+        judged = tuple(each for each in judged if each.passes is None)
+        rows = [line((text("records_page.not_judged", **facts), Token.TEXT))]
+        return [*rows, *(judged_line(each, nominal_mm, text, width) for each in judged)]
+    return [judged_line(each, nominal_mm, text, width) for each in judged]
 
 
 def made_of(row: RunRow, text: Catalogue) -> str:
