@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
 
 
 class ToleranceKind(StrEnum):
@@ -57,43 +56,34 @@ class JudgedFigure:
         return None if self.value_um is None else abs(self.value_um) <= self.limit_um
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuredFigures:
-    """The figures of a part: RONt and mean deviation of the section at `z_mm` that was evaluated in full.
+def judge_part(
+    limits: Tolerances,
+    *,
+    ront_um: float,
+    mean_um: float,
+    off_um: float | None,
+    z_mm: float | None = None,
+    sections: Sequence[SectionForm] = (),
+    cylt_um: float | None = None,
+) -> tuple[JudgedFigure, ...]:
+    """Return each figure of a part that has a limit, at its worst section.
 
-    `off_um` is its mean diameter less the nominal one, None without a size. `sections` are all of them, their mean
-    deviations from the same radius; with too few for a cylindricity there are none, and no `cylt_um`.
+    RONt and mean deviation are those of the section at `z_mm` that was evaluated in full, `off_um` its mean
+    diameter less the nominal one, None without a size: then no diameter is judged. `sections` are all of them,
+    their mean deviations from the same radius; with too few for a cylindricity there are none, and no `cylt_um`.
     """
-
-    ront_um: float
-    mean_um: float = 0.0
-    off_um: float | None = None
-    z_mm: float | None = None
-    sections: Sequence[SectionForm] = ()
-    cylt_um: float | None = None
-
-
-def judge_figures(measured: MeasuredFigures, limits: Tolerances) -> tuple[JudgedFigure, ...]:
-    """Return each figure that has a limit, at its worst section; a diameter only where the size was measured."""
-    found = []
-    if limits.roundness_um is not None:
-        heights = [(measured.ront_um, measured.z_mm), *((each.ront_um, each.z_mm) for each in measured.sections)]
-        ront_um, z_mm = max(heights, key=lambda each: each[0])
-        found.append(_figure(ToleranceKind.ROUNDNESS, ront_um, limits.roundness_um, z_mm))
-    if limits.cylindricity_um is not None:
-        found.append(_figure(ToleranceKind.CYLINDRICITY, measured.cylt_um, limits.cylindricity_um, None))
-    if limits.diameter_um is not None and (off_um := measured.off_um) is not None:
-        offs = [
-            (off_um, measured.z_mm),
-            *((off_um + 2.0 * (each.mean_um - measured.mean_um), each.z_mm) for each in measured.sections),
-        ]
-        worst_um, z_mm = max(offs, key=lambda each: abs(each[0]))
-        found.append(_figure(ToleranceKind.DIAMETER, worst_um, limits.diameter_um, z_mm))
+    found, kind = list[JudgedFigure](), ToleranceKind
+    if (limit_um := limits.roundness_um) is not None:
+        rounds = [(ront_um, z_mm), *((each.ront_um, each.z_mm) for each in sections)]
+        worst_um, at_mm = max(rounds, key=lambda each: each[0])
+        found.append(JudgedFigure(kind=kind.ROUNDNESS, value_um=worst_um, limit_um=limit_um, z_mm=at_mm))
+    if (limit_um := limits.cylindricity_um) is not None:
+        found.append(JudgedFigure(kind=kind.CYLINDRICITY, value_um=cylt_um, limit_um=limit_um))
+    if (limit_um := limits.diameter_um) is not None and off_um is not None:
+        offs = [(off_um, z_mm), *((off_um + 2.0 * (each.mean_um - mean_um), each.z_mm) for each in sections)]
+        worst_um, at_mm = max(offs, key=lambda each: abs(each[0]))
+        found.append(JudgedFigure(kind=kind.DIAMETER, value_um=worst_um, limit_um=limit_um, z_mm=at_mm))
     return tuple(found)
-
-
-def _figure(kind: ToleranceKind, value_um: float | None, limit_um: float, z_mm: float | None) -> JudgedFigure:
-    return JudgedFigure(kind=kind, value_um=value_um, limit_um=limit_um, z_mm=z_mm)
 
 
 def passes_all(figures: Iterable[JudgedFigure]) -> bool | None:
@@ -105,34 +95,3 @@ def passes_all(figures: Iterable[JudgedFigure]) -> bool | None:
 def figure_of(kind: ToleranceKind, figures: Iterable[JudgedFigure]) -> JudgedFigure | None:
     """Return the figure of a kind, None if it is not judged."""
     return next((each for each in figures if each.kind is kind), None)
-
-
-class WholeForm(Protocol):
-    """The form of a part over its length, see `profiles.metrology.cylindricity`."""
-
-    @property
-    def sections(self) -> Sequence[SectionForm]:
-        """All sections."""
-
-    @property
-    def cylt_um(self) -> float:
-        """CYLt of the minimum zone."""
-
-
-def judge_part(
-    limits: Tolerances,
-    section: tuple[float, float],
-    whole: WholeForm | None,
-    off_um: float | None,
-    z_mm: float | None = None,
-) -> tuple[JudgedFigure, ...]:
-    """Return the figures of a part that was evaluated just now; values as for `MeasuredFigures`.
-
-    `section` is RONt and the mean deviation of the section that was evaluated in full.
-    """
-    sections, cylt_um = ((), None) if whole is None else (whole.sections, whole.cylt_um)
-    ront_um, mean_um = section
-    measured = MeasuredFigures(
-        ront_um=ront_um, mean_um=mean_um, off_um=off_um, z_mm=z_mm, sections=sections, cylt_um=cylt_um
-    )
-    return judge_figures(measured, limits)

@@ -78,9 +78,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     else:
         fields, lines = trace_fields(measured), roundness_lines(measured, text)
     more = {"meta": dict(measured.trace.meta), "warnings": warnings}
-    figures = measured.result.ront_um, measured.result.mean_deviation_um
-    judged = _judged(options, measured.header, figures, None, sections[0].z_mm)
-    said = ["", section_words(sections[0].z_mm, text), *table(judged_rows(judged, text))] if judged else []
+    z_mm, result = sections[0].z_mm, measured.result
+    judged = _judged(options, measured.header, z_mm, result.ront_um, result.mean_deviation_um)
+    said = ["", section_words(z_mm, text), *table(judged_rows(judged, text))] if judged else []
     fields |= judged_fields(judged)
     show(options, lambda: {"file": options.file, **fields, **more}, lambda: [*lines, *said])
     return OUT_OF_TOLERANCE if options.fail_out_of_tolerance and passes_all(judged) is False else 0
@@ -103,7 +103,7 @@ def _whole(options: Namespace, sections: Sequence[TraceSection], text: Catalogue
     files = [options.file, *options.others]
     header, _ = header_of(sections[0].trace.meta)
     first = whole.sections[0]
-    judged = _judged(options, header, (first.ront_um, first.mean_um), whole, first.z_mm)
+    judged = _judged(options, header, first.z_mm, first.ront_um, first.mean_um, whole)
     said = ["", *table(judged_rows(judged, text))] if judged else []
     fields = {"files": files, **form_fields(whole), **judged_fields(judged)}
     show(options, lambda: fields, lambda: [*form_lines(whole, text), *said])
@@ -113,11 +113,12 @@ def _whole(options: Namespace, sections: Sequence[TraceSection], text: Catalogue
 def _judged(
     options: Namespace,
     header: TraceHeader,
-    section: tuple[float, float],
-    whole: CylinderResult | None,
     z_mm: float | None,
+    ront_um: float,
+    mean_um: float,
+    whole: CylinderResult | None = None,
 ) -> tuple[JudgedFigure, ...]:
-    """Return the figures of a part against the limits of its job, none without; `section` as for `judge_part`."""
+    """Return the figures of a part against the limits of its job, none without a job."""
     from console.cli.library import job_of
     from profiles.metrology.conformity import judge_part
 
@@ -125,8 +126,17 @@ def _judged(
         return ()
     job, off_um = job_of(options).job, None
     if header.radius_mm is not None and header.size != "relative":
-        off_um = 2000.0 * (header.radius_mm - job.finished_radius_mm) + 2.0 * section[1]
-    return judge_part(job.tolerances, section, whole, off_um, z_mm)
+        off_um = 2000.0 * (header.radius_mm - job.finished_radius_mm) + 2.0 * mean_um
+    sections, cylt_um = ((), None) if whole is None else (whole.sections, whole.cylt_um)
+    return judge_part(
+        job.tolerances,
+        ront_um=ront_um,
+        mean_um=mean_um,
+        off_um=off_um,
+        z_mm=z_mm,
+        sections=sections,
+        cylt_um=cylt_um,
+    )
 
 
 def _filter(word: str) -> float | None:

@@ -119,8 +119,15 @@ class RunResult:
             return ()
         job, diameter_mm = self.plan.job, None if self.trace is None else mean_diameter_of(self.trace, self.after)
         off_um = None if diameter_mm is None else 1000.0 * (diameter_mm - job.finished_diameter_mm)
-        section = self.after.ront_um, self.after.mean_deviation_um
-        return judge_part(job.tolerances, section, self.whole, off_um, middle_mm(job))
+        return judge_part(
+            job.tolerances,
+            ront_um=self.after.ront_um,
+            mean_um=self.after.mean_deviation_um,
+            off_um=off_um,
+            z_mm=middle_mm(job),
+            sections=() if self.whole is None else self.whole.sections,
+            cylt_um=None if self.whole is None else self.whole.cylt_um,
+        )
 
     @property
     def within_tolerance(self) -> bool | None:

@@ -22,12 +22,11 @@ from drivers.simulator.plant.which_lathe import LATHE, WHICH
 from profiles.files import printable
 from profiles.metrology.conformity import (
     JudgedFigure,
-    MeasuredFigures,
     SectionForm,
     ToleranceKind,
     Tolerances,
     figure_of,
-    judge_figures,
+    judge_part,
     passes_all,
 )
 from profiles.metrology.length_causes import CAUSES, LengthCause, LengthCauseKind
@@ -353,14 +352,12 @@ class RecordedPart:
 
     @property
     def sections(self) -> tuple[SectionForm, ...]:
-        """Its sections, if it was measured over its length; those that cannot be read are left out."""
-        listed, found = self.data.get("sections"), []
-        for each in listed if isinstance(listed, list) else ():
-            values = [number_or_none(each.get(key)) for key in SECTION_KEYS] if isinstance(each, dict) else [None]
-            z_mm, ront_um, mean_um = values if len(values) == len(SECTION_KEYS) else (None,) * 3
-            if z_mm is not None and ront_um is not None and mean_um is not None:
-                found.append(SectionForm(z_mm=z_mm, ront_um=ront_um, mean_um=mean_um))
-        return tuple(found)
+        """Its sections, if it was measured over its length; none if they cannot be read."""
+        try:
+            read = [[number(each[key]) for key in SECTION_KEYS] for each in self.data.get("sections", ())]
+        except (TypeError, ValueError, KeyError):
+            return ()
+        return tuple(SectionForm(z_mm=z_mm, ront_um=ront_um, mean_um=mean_um) for z_mm, ront_um, mean_um in read)
 
     @property
     def length_causes(self) -> tuple[LengthCause, ...]:
@@ -374,20 +371,19 @@ class RecordedPart:
     @property
     def judged(self) -> tuple[JudgedFigure, ...]:
         """Its figures against their limits."""
-        measured = MeasuredFigures(
-            ront_um=self.ront_um,
-            mean_um=number_or_none(self.data.get("mean_deviation_um")) or 0.0,
-            off_um=self.off_nominal_um,
-            z_mm=number_or_none(self.data.get("z_mm")),
-            sections=self.sections,
-            cylt_um=number_or_none(self.data.get("CYLt_um")),
-        )
         limits = Tolerances(
             roundness_um=self.tolerance_um,
             cylindricity_um=number_or_none(self.data.get(CYLINDRICITY_LIMIT)),
             diameter_um=self.diameter_tolerance_um,
         )
-        return judge_figures(measured, limits)
+        return judge_part(
+            limits,
+            ront_um=self.ront_um,
+            mean_um=number_or_none(self.data.get("mean_deviation_um")) or 0.0,
+            off_um=self.off_nominal_um,
+            sections=self.sections,
+            cylt_um=number_or_none(self.data.get("CYLt_um")),
+        )
 
     def figure(self, kind: ToleranceKind) -> JudgedFigure | None:
         """Return one of its figures against its limit, None if it has none."""

@@ -173,8 +173,15 @@ class MeasuredPart:
         doubt, diameter_mm, off_um = self.size_doubt, self.diameter_mm, None
         if diameter_mm is not None and (doubt is None or doubt.code != DIAMETER_STATED):
             off_um = 1000.0 * (diameter_mm - self.job.finished_diameter_mm)
-        section = self.result.ront_um, self.result.mean_deviation_um
-        return judge_part(self.job.tolerances, section, self.whole, off_um, self.section_z_mm)
+        return judge_part(
+            self.job.tolerances,
+            ront_um=self.result.ront_um,
+            mean_um=self.result.mean_deviation_um,
+            off_um=off_um,
+            z_mm=self.section_z_mm,
+            sections=() if self.whole is None else self.whole.sections,
+            cylt_um=None if self.whole is None else self.whole.cylt_um,
+        )
 
     @property
     def diameter_passes(self) -> bool | None:

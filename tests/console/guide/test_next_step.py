@@ -137,6 +137,7 @@ def parts() -> Iterator[MeasuredPart | None]:
         for diameter_mm, is_taken in ((None, False), (job.finished_diameter_mm + 0.1, False)):
             yield replace(part, diameter_mm=diameter_mm, offset_taken=is_taken)
         yield replace(part, diameter_mm=job.finished_diameter_mm + 0.1, offset_taken=True)
+    yield replace(good, job=replace(good.job, roundness_tolerance_um=10.0, cylindricity_tolerance_um=10.0))
     plain = scenes.part(Strategy.NONE, scenes.BEFORE)
     yield plain
     yield replace(plain, lobe=found_lobe())
