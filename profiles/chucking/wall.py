@@ -12,6 +12,7 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from profiles.arrays import Floats, floats, read_only
 from profiles.chucking.shell import Shell, U, V, W, mesh, solve_band, stiffness_of, with_fixed, within
@@ -30,8 +31,10 @@ def compliance(shell: Shell, jaws: int, angle_deg: tuple[float, ...], z_mm: tupl
     held, places, tool = 3 * PLACES, _places_mm(shell), floats(z_mm)
     flexible, n = _flexibility(shell, z_mm), np.arange(HARMONICS)
     jaw, angle = 2 * math.pi * np.arange(jaws) / jaws, np.radians(angle_deg)
-    of_jaws = _turned(flexible[:, :held, :held], np.multiply.outer(n, jaw[:, None] - jaw[None, :]))
-    of_tool = _turned(flexible[:, :held, held:], np.multiply.outer(n, jaw[:, None] - angle[None, :]))
+    round_axis = np.arange(held) % 3 == 1
+    radial = np.zeros(len(tool), dtype=bool)
+    of_jaws = _turned(flexible[:, :held, :held], np.multiply.outer(n, jaw[:, None] - jaw[None, :]), round_axis)
+    of_tool = _turned(flexible[:, :held, held:], np.multiply.outer(n, jaw[:, None] - angle[None, :]), radial)
     size = held * jaws
     whole = np.stack([_whole(shell, direction, float(z), jaw) for z in places for direction in range(3)])
     matrix = np.zeros((size + 6, size + 6))
@@ -64,13 +67,12 @@ def _whole(shell: Shell, direction: int, z_mm: float, angle: Floats) -> Floats:
     return np.stack(columns, axis=-1)
 
 
-def _turned(flexible: Floats, angle: Floats) -> Floats:
+def _turned(flexible: Floats, angle: Floats, force_round_axis: NDArray[np.bool_]) -> Floats:
     """Return the sum over n of what forces at places do to each place, n times the angle `angle` before it.
 
     Of radial and axial forces and motions that is by the cosine; round the axis they have the sine of the others.
     """
     round_axis = np.arange(flexible.shape[1]) % 3 == 1
-    force_round_axis = round_axis if flexible.shape[1] == flexible.shape[2] else np.zeros(flexible.shape[2], bool)
     by_sine = round_axis[:, None] != force_round_axis[None, :]
     sine = np.where(by_sine, np.where(round_axis[:, None], 1.0, -1.0), 0.0) * flexible
     even = np.einsum("nab,njk->abjk", np.where(by_sine, 0.0, flexible), np.cos(angle))

@@ -127,3 +127,11 @@ def test_a_long_slender_tube_bends_as_a_cantilever() -> None:
     second_moment = pi / 64 * (20.0**4 - 16.2**4)
     beam = 1000.0 * a**3 / (3 * 70_000.0 * second_moment)
     assert np.diff(um, n=3)[0] == pytest.approx(np.diff(beam, n=3)[0], rel=0.05)
+
+
+@pytest.mark.parametrize("places", [2, 8, 9, 10])
+def test_the_wall_gives_way_at_a_place_whichever_others_are_asked_with_it(places: int) -> None:
+    z_mm, angle_deg = np.linspace(2.0, 30.0, places), np.arange(0.0, 120.0, 15.0)
+    together = wall_compliance_um_per_n(ONE, 3, angle_deg, z_mm)
+    alone = [wall_compliance_um_per_n(ONE, 3, angle_deg, [z])[0] for z in z_mm]
+    np.testing.assert_allclose(together, alone, rtol=1e-9)
