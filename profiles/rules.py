@@ -65,8 +65,12 @@ def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 
 @lru_cache(maxsize=4)
 def _check_rules(of: SameObjects[Job, MachineProfile]) -> tuple[Finding, ...]:
+    from profiles.lobe.along import largest_lobe  # numerics, which the first page does without
+
     job, machine = of.one, of.other
-    of_part, of_grip = _part(job, machine), _grip(job, machine)
+    lobe_um, lobe_z_mm = largest_lobe(job, machine)
+    place = "" if lobe_z_mm is None else f" (Z {lobe_z_mm:.1f} mm)"
+    of_part, of_grip = _part(job, machine, lobe_um / 1000, place), _grip(job, machine)
     span, key = force_span(job, machine), "chucking_force_n"
     jaws = Problem(code="rule.jaws_differ", key="jaws", value=str(job.jaws), limit=str(machine.chuck.jaws))
     return (
@@ -75,8 +79,8 @@ def _check_rules(of: SameObjects[Job, MachineProfile]) -> tuple[Finding, ...]:
         *_clamping(job, machine),
         _finding("rule.clamp_span", key, not span.empty, span.least_n, "<=", span.most_n, "N", Severity.WARNING),
         _at_most("rule.feed_over_land", "feed_mm_per_rev", job.feed_mm_per_rev, machine.tool.wiper_land_mm, "mm"),
-        *_travel(job, machine),
-        *_tool_load(job, machine),
+        *_travel(job, machine, lobe_um / 1000),
+        *_tool_load(job, machine, lobe_um, place),
         judge_condition(job.jaws == machine.chuck.jaws, jaws, Severity.WARNING),
         *(() if job.lobe_force_n is None else (force_as_measured(job),)),
         *lobe_as_found(job, machine),
@@ -110,8 +114,9 @@ def _chatter(job: Job, machine: MachineProfile, judged: tuple[Finding, ...]) -> 
     return (_at_most("rule.chatter_width", "depth_of_cut_mm", depth_mm, most_mm, "mm", Severity.WARNING),)
 
 
-def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    wall_mm, depth_mm, lobe_mm = job.wall_thickness_mm, job.depth_of_cut_mm, job.lobe_amplitude_um / 1000
+def _part(job: Job, machine: MachineProfile, lobe_mm: float, place: str) -> tuple[Finding, ...]:
+    """Check the part with half of its lobe, `lobe_mm`, at the `place` along the cut where that is largest."""
+    wall_mm, depth_mm = job.wall_thickness_mm, job.depth_of_cut_mm
     left_mm, free_mm = wall_mm - depth_mm - lobe_mm, job.overhang_mm - machine.carriage.jaw_clearance_mm
     speed_rpm, force_n = job.spindle_speed_rpm, job.chucking_force_n
     return (
@@ -121,17 +126,17 @@ def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
         ),
         # The initial surface was turned in this clamping, and is round there. Where the tool is out of it nothing
         # is removed, and the released part keeps that much of its lobe.
-        _depth_holds(depth_mm, lobe_mm),
+        _depth_holds(depth_mm, lobe_mm, place),
         _at_most("rule.length_over_overhang", "cut_length_mm", job.cut_length_mm, free_mm, "mm"),
         _at_most("rule.speed_over_machine", "spindle_speed_rpm", speed_rpm, machine.spindle.max_speed_rpm, "rpm"),
         _at_most("rule.force_over_chuck", "chucking_force_n", force_n, machine.chuck.max_force_n, "N"),
     )
 
 
-def _depth_holds(depth_mm: float, lobe_mm: float) -> Finding:
+def _depth_holds(depth_mm: float, lobe_mm: float, place: str) -> Finding:
     """Check that the tool cuts all round; the limit is rounded up, so that it is accepted when it is typed."""
     least_mm = math.ceil(round((lobe_mm + LEAST_CHIP_MM) * 1e4, 6)) / 1e4
-    value, limit = f"{depth_mm:.6g} mm", f">= {least_mm:.6g} mm"
+    value, limit = f"{depth_mm:.6g} mm", f">= {least_mm:.6g} mm{place}"
     problem = Problem(code="rule.depth_under_lobe", key="depth_of_cut_mm", value=value, limit=limit)
     return judge_condition(depth_mm >= least_mm, problem)
 
@@ -164,12 +169,12 @@ def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     return (known, judge_condition(stress_mpa <= material.yield_mpa, stress), scatter)
 
 
-def _travel(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+def _travel(job: Job, machine: MachineProfile, lobe_mm: float) -> tuple[Finding, ...]:
     """Check that the tool clears the blank and reaches the deepest point of the cut, and the carriage its ends."""
     tool, carriage = machine.tool, machine.carriage
     surface_mm = tool.home_radius_mm - job.radius_mm
     out_mm = surface_mm - tool.retract_mm
-    in_mm = surface_mm + job.depth_of_cut_mm + job.lobe_amplitude_um / 1000
+    in_mm = surface_mm + job.depth_of_cut_mm + lobe_mm
     start_mm = carriage.jaw_face_mm - job.overhang_mm
     end_mm = start_mm + job.cut_length_mm
     return (
@@ -178,17 +183,17 @@ def _travel(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     )
 
 
-def _tool_load(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    """Check a sine of the lobe's amplitude: thrust |-M w^2 + j B w| A / sqrt(2), acceleration A w^2."""
+def _tool_load(job: Job, machine: MachineProfile, lobe_um: float, place: str) -> tuple[Finding, ...]:
+    """Check a sine of the lobe's largest amplitude: thrust |-M w^2 + j B w| A / sqrt(2), acceleration A w^2."""
     tool = machine.tool
-    amplitude_m = job.lobe_amplitude_um * 1e-6
+    amplitude_m = lobe_um * 1e-6
     omega = 2 * math.pi * job.lobe_frequency_hz
     force_n = amplitude_m * omega * math.hypot(tool.moving_mass_kg * omega, tool.damping_n_s_per_m) / math.sqrt(2)
     acceleration = amplitude_m * omega**2
     most = tool.encoder_max_acceleration_m_per_s2
     return (
-        _at_most("rule.tool_force", "lobe_error_um_pp", force_n, tool.continuous_force_n, "N"),
-        _at_most("rule.encoder_acceleration", "lobe_error_um_pp", acceleration, most, "m/s2"),
+        _at_most("rule.tool_force", "lobe_error_um_pp", force_n, tool.continuous_force_n, f"N{place}"),
+        _at_most("rule.encoder_acceleration", "lobe_error_um_pp", acceleration, most, f"m/s2{place}"),
     )
 
 

@@ -20,6 +20,8 @@ from profiles.axis.servo import following_error_um
 from profiles.compensations.path import LobedPath
 from profiles.findings import Finding, Severity
 from profiles.job import Job
+from profiles.lobe.along import largest_lobe
+from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.rules import LEAST_CHIP_MM
@@ -59,21 +61,27 @@ def stroke(loop: tuple[CheckedMove, ...], checked: CheckedProgram, machine: Mach
 
 
 LEAVING_STEP_DEG = 0.5  # sampling round the part: sees at least 97 % of the highest harmonic, 50 UPR
+LEAVING_PLACES = 9  # along the cut
 LEAST_TURNS = 3.0
 LEAST_CUT_S = 0.2  # the shortest cut, in turns and in time, so that the machine can be polled during it
 
 
 def cut_findings(
-    loop: tuple[CheckedMove, ...], checked: CheckedProgram, machine: MachineProfile, job: Job, speed_rpm: float
+    loop: tuple[CheckedMove, ...],
+    checked: CheckedProgram,
+    machine: MachineProfile,
+    job: Job,
+    speed_rpm: float,
+    largest_um: float = 0.0,
 ) -> tuple[Finding, ...]:
-    """Return all findings; `loop` are the moves of the steady cut."""
+    """Return all findings; `loop` are the moves of the steady cut, `largest_um` an amplitude before them."""
     low, high = stroke(loop, checked, machine)
     stroke_um = (high - low) * machine.tool.count_um
     return (
         *_path_findings(loop, checked, machine, job, speed_rpm, stroke_um),
         *_limit_findings(checked, machine),
         *_jaw_findings(checked, machine),
-        *_servo_findings(machine, job, speed_rpm, stroke_um),
+        *_servo_findings(machine, job, speed_rpm, max(0.5 * stroke_um, largest_um)),
         *_length_findings(job),
     )
 
@@ -85,13 +93,15 @@ def leaving_findings(job: Job, target: LobedPath) -> tuple[Finding, ...]:
     leaves the surface it removes nothing, and the material stays on the part.
     """
     angle_deg = np.arange(0.0, 360.0, LEAVING_STEP_DEG)
-    half_mm = 0.5 * job.cut_length_mm
-    path_um = [target.at_um(angle_deg, end_mm) - target.mean_um for end_mm in (-half_mm, half_mm)]
-    least_um = 1000.0 * job.depth_of_cut_mm + float(np.min(path_um))
+    past_mm = 0.5 * job.cut_length_mm * np.linspace(-1.0, 1.0, LEAVING_PLACES)
+    path_um = [float(np.min(target.at_um(angle_deg, each))) - target.mean_um for each in past_mm.tolist()]
+    place = int(np.argmin(path_um))
+    least_um, z_mm = 1000.0 * job.depth_of_cut_mm + path_um[place], middle_mm(job) - float(past_mm[place])
     if least_um >= 1000.0 * LEAST_CHIP_MM:
         return ()
     needed_mm = math.ceil(round((job.depth_of_cut_mm + LEAST_CHIP_MM - least_um / 1000.0) * 1e4, 6)) / 1e4
-    value, limit = f"{least_um:.2f} um", f">= {needed_mm:.6g} mm"
+    at = f" (Z {z_mm:.1f} mm)" if target.along.orders or target.along.mean_um else ""
+    value, limit = f"{least_um:.2f} um{at}", f">= {needed_mm:.6g} mm"
     return (_refusal("cut.leaves_part", "depth_of_cut_mm", value, limit),)
 
 
@@ -158,14 +168,16 @@ def _jaw_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Find
     return [_refusal("cut.near_jaws", "cut_length_mm", f"{furthest_mm:.2f} mm", f"<= {allowed_mm:g} mm")]
 
 
-def _servo_findings(machine: MachineProfile, job: Job, speed_rpm: float, stroke_um: float) -> list[Finding]:
-    """Judge the following error of the path, taken as a sine of its own stroke at the lobe frequency."""
-    error_um = following_error_um(machine, 0.5 * stroke_um, job.jaws * speed_rpm / 60.0)
+def _servo_findings(machine: MachineProfile, job: Job, speed_rpm: float, amplitude_um: float) -> list[Finding]:
+    """Judge the following error of the path, taken as a sine of its own amplitude at the lobe frequency."""
+    error_um = following_error_um(machine, amplitude_um, job.jaws * speed_rpm / 60.0)
     key = f"I{machine.tool.motor}11"
     limit_um = MotorSettings(machine, machine.tool.motor).error_limit_counts * machine.tool.count_um
     if error_um < limit_um:
         return []
-    return [_refusal("cut.following_error", key, f"{error_um:.1f} um", f"< {limit_um:g} um")]
+    z_mm = largest_lobe(job, machine)[1]
+    value = f"{error_um:.1f} um" + ("" if z_mm is None else f" (Z {z_mm:.1f} mm)")
+    return [_refusal("cut.following_error", key, value, f"< {limit_um:g} um")]
 
 
 def _length_findings(job: Job) -> list[Finding]:

@@ -160,6 +160,7 @@ def _assemble_plan(
     job, machine = planning.job, planning.machine
     loop = steady_moves(program, checked, machine)
     rpm = speed_rpm(loop, checked, machine)
+    largest_um = planning.command.largest_um if strategy.traits.inverts else 0.0
     return CutPlan(
         strategy=strategy,
         target=planning.target,
@@ -170,7 +171,7 @@ def _assemble_plan(
         segment_ms=loop[-1].used_times.tm_ms,
         duration_s=checked.duration_ms / 1000.0,
         findings=(
-            *cut_findings(loop, checked, machine, job, rpm),
+            *cut_findings(loop, checked, machine, job, rpm, largest_um),
             *(leaving_findings(job, planning.target) if strategy.traits.follows_lobe else ()),
             *(clock_findings(machine) if made.clock else ()),
         ),

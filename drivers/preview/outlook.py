@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drivers.cutting.planning import nominal_command
 from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
@@ -17,6 +17,7 @@ from profiles.compensations.learned_compensation import ExpectedPart
 from profiles.compensations.path import CutPath, LobedPath, residual_um_pp, target_path
 from profiles.findings import Finding
 from profiles.job import Job
+from profiles.lobe.along import along_cut
 from profiles.machine import MachineProfile
 from profiles.rules import check
 
@@ -90,13 +91,16 @@ def outlook(
     inverted = path_response(inverting, machine) if response is None else response
     command = nominal_command(job, machine, inverting, inverted) if path is None else path.command
     frequency_hz = job.lobe_frequency_hz
+    along = along_cut(job, machine)
+    target = replace(target_path(job) if path is None else path.target, along=along)
+    command = replace(command, along=along)
     need = drive_need(machine, command.largest_um, frequency_hz)
     return Outlook(
         job=job,
         machine=machine,
         strategy=strategy,
         response=inverted,
-        target=target_path(job) if path is None else path.target,
+        target=target,
         command=command,
         eq9=response_of(job, complex(eq9_response(machine, frequency_hz))),
         sampled=response_of(job, complex(sampled_response(machine, frequency_hz))),

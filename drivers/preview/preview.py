@@ -12,11 +12,18 @@ from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 from drivers.identification.nominal import loop_response, nominal_response
 from drivers.preview.outlook import Demand, Outlook, Response, demands_of, outlook, response_of
-from drivers.preview.program_prediction import TURN_POINTS, FloatArray, ProgramPrediction, left_by, predict
+from drivers.preview.program_prediction import (
+    TURN_POINTS,
+    FloatArray,
+    ProgramPrediction,
+    SurfacePrediction,
+    left_by,
+)
+from drivers.preview.surface_prediction import predict_whole, with_lobe
 from profiles.axis.response import ResponseSource, ServoResponse
 from profiles.axis.servo import Eq9Summary, drive_need, eq9_summary
 from profiles.compensations.path import CutPath, PathHarmonic
-from profiles.job import Job
+from profiles.job import NO_LOBE, Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
 
@@ -114,7 +121,7 @@ def program_of(asked: ProgramInput) -> Program:
     except ProblemError as error:
         return Program(plan=error, prediction=None)
     else:
-        prediction = predict(job, machine, plan, response)
+        prediction = predict_whole(job, machine, plan, response)
         return Program(plan=replace(plan, checked=replace(plan.checked, moves=())), prediction=prediction)
     finally:
         if collected:
@@ -145,7 +152,8 @@ class ClosedForm:
     The arrays have the shape (TURN_POINTS,), as those of a program, so that plots of both look alike.
     `angle_deg` are spindle angles, `command_um` is the commanded infeed there, `residual_um` the
     deviation of the released part, positive where it is high, mean 0. `response` is that of the loop at
-    `lobe_frequency_hz`, `demands` are the needs of a sine with the amplitude of the command.
+    `lobe_frequency_hz`, `largest_stroke_um` is the tool travel of a turn, peak to peak, where along the cut it is
+    largest, and `demands` are the needs of a sine with that.
     """
 
     angle_deg: FloatArray
@@ -154,11 +162,35 @@ class ClosedForm:
     lobe_frequency_hz: float
     response: Response
     demands: dict[str, Demand]
+    largest_stroke_um: float
 
-    @property
-    def stroke_um(self) -> float:
-        """Tool travel, peak to peak."""
-        return float(np.ptp(self.command_um))
+
+def surface_left(seen: PartialPreview, strategy: Strategy) -> SurfacePrediction | None:
+    """Return what a strategy leaves along the part, None until its program exists, and where no lobe is known.
+
+    Of a path learned from a part it is what is left of the lobe of that part.
+    """
+    made = seen.predictions.get(strategy)
+    if made is None or made.surface is None or seen.job.lobe_error_source == NO_LOBE:
+        return None
+    if seen.taught is None or strategy is not seen.strategy:
+        return made.surface
+    left = seen.taught.lobe
+    return with_lobe(made.surface, seen.target.plus({left.lobes: left.coefficient}), seen.job)
+
+
+def worst_section(seen: PartialPreview, strategy: Strategy) -> tuple[float, float] | None:
+    """Return Z, mm, and roundness, um p-p, of the section that a strategy leaves least round; None as above.
+
+    What a measured part has more than its lobe mid-cut is taken to be left everywhere.
+    """
+    surface = surface_left(seen, strategy)
+    if surface is None:
+        return None
+    ront_um, more_um = surface.ront_um, 0.0
+    if seen.taught is not None and seen.taught.ront_um is not None and strategy is seen.strategy:
+        more_um = max(seen.taught.ront_um - float(ront_um[ront_um.size // 2]), 0.0)
+    return float(surface.z_mm[surface.worst]), float(ront_um[surface.worst]) + more_um
 
 
 def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
@@ -190,11 +222,15 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
     late_deg = (
         strategy.traits.late_cycles(machine) * machine.controller.servo_period_ms * job.spindle_speed_rpm * 0.006
     )
+    half_mm, feed_mm = command.along.half_length_mm, job.feed_mm_per_rev
+    whole_turns_mm = (0.5 * feed_mm - half_mm, 0.0, half_mm - 1.5 * feed_mm)  # those of which a program is sampled
+    stroke_um = max(float(np.ptp(command.at_um(_TURN_DEG, each))) for each in whole_turns_mm)
     return ClosedForm(
         angle_deg=_TURN_DEG,
         command_um=command.at_um(_TURN_DEG - late_deg),
         residual_um=left_by(job, _TURN_DEG, path_um),
         lobe_frequency_hz=job.lobe_frequency_hz,
         response=response,
-        demands=demands_of(machine, drive_need(machine, command.amplitude_um, job.lobe_frequency_hz)),
+        demands=demands_of(machine, drive_need(machine, 0.5 * stroke_um, job.lobe_frequency_hz)),
+        largest_stroke_um=stroke_um,
     )

@@ -19,6 +19,7 @@ from profiles.axis.servo_gains import error_limit_um, program_speed_mm_per_s
 from profiles.chucking.grip import mass_radius_kg_m, most_loss_speed_rpm, needed_grip_n, speed_of_loss_rpm
 from profiles.compensations.path import spindle_speed_rpm
 from profiles.job import Job
+from profiles.lobe.along import largest_lobe
 from profiles.machine import MachineProfile, ToolAxis
 from profiles.problem import ProfileError
 
@@ -64,7 +65,7 @@ class Envelope:
 def envelope(job: Job, machine: MachineProfile) -> Envelope:
     """Return the envelope of a machine for the jaws of a job."""
     rows = tuple(envelope_row(machine, each, job.jaws) for each in AMPLITUDES_UM)
-    amplitude_um = max(job.lobe_amplitude_um, _LEAST_AMPLITUDE_UM)
+    amplitude_um = max(largest_lobe(job, machine)[0], _LEAST_AMPLITUDE_UM)
     at_job = envelope_row(machine, amplitude_um, job.jaws)
     fraction = job.roundness_tolerance_um / job.lobe_error_um_pp if job.lobe_error_um_pp > 0 else math.inf
     plain_hz = first_beyond(lambda f: np.abs(1 - sampled_response(machine, f)), fraction, nyquist_hz(machine))
@@ -121,7 +122,7 @@ def speed_limits_rpm(
 
 def highest_safe_speed(job: Job, machine: MachineProfile, response: ServoResponse) -> tuple[dict[str, float], str]:
     """Return `speed_limits_rpm` of a job, and the name of the lowest, which is its highest safe speed."""
-    amplitude_um = max(job.lobe_amplitude_um, _LEAST_AMPLITUDE_UM)
+    amplitude_um = max(largest_lobe(job, machine)[0], _LEAST_AMPLITUDE_UM)
     limits = speed_limits_rpm(job, machine, response, envelope_row(machine, amplitude_um, job.jaws))
     return limits, min(limits, key=limits.__getitem__)
 

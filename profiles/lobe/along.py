@@ -6,11 +6,12 @@ The job states the lobe in the middle of the cut; along it each order has the sh
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from profiles.arrays import Floats, floats
+from profiles.arrays import Floats, floats, read_only
 from profiles.chucking.held_part import HeldPart, held_part
 from profiles.chucking.tube import axial_fraction
 from profiles.compensations.path import OVAL, AlongCut
@@ -32,17 +33,12 @@ def along_cut(job: Job, machine: MachineProfile) -> AlongCut:
     press one lobe along Z, and of a part that cannot be held or cut.
     """
     half_mm = job.cut_length_mm / 2.0
-    none = AlongCut(half_length_mm=half_mm) if half_mm > 0.0 else AlongCut()
-    try:
-        part = held_part(job, machine)
-    except ProfileError:
-        return none
-    whole = 0.0 < job.cut_length_mm <= job.overhang_mm and job.depth_of_cut_mm < job.wall_thickness_mm
-    if machine.chuck.lobe_along == ONE_LOBE or not part.thin or not whole or part.per_jaw_n <= 0.0:
-        return none
+    part = _changing(job, machine)
+    if part is None:
+        return AlongCut(half_length_mm=half_mm) if half_mm > 0.0 else AlongCut()
     s = chebyshev.chebpts2(PLACES)
     at_mm = middle_mm(job) - half_mm * s
-    lobe_um, size_um = _along(part, floats([*at_mm, 0.0]))
+    lobe_um, size_um = _along(part, (*at_mm.tolist(), 0.0))
     middle_um, at_jaws_um = lobe_um[PLACES // 2], lobe_um[-1]
     orders: tuple[tuple[int, tuple[float, ...]], ...] = ()
     if job.lobe_amplitude_um > 0.0 and abs(middle_um) >= LEAST_AXIAL_FRACTION * abs(at_jaws_um):
@@ -50,6 +46,32 @@ def along_cut(job: Job, machine: MachineProfile) -> AlongCut:
         orders = ((job.jaws, tuple((powers[1:] / powers[0]).tolist())),)
     mean_um = _powers(s, size_um[:-1], FIT_UM)[1:]
     return AlongCut(half_length_mm=half_mm, orders=orders, mean_um=tuple(mean_um.tolist()))
+
+
+def shape_along(job: Job, machine: MachineProfile, z_mm: Floats) -> tuple[Floats, Floats]:
+    """Return what `along_cut` follows, at any places: the lobe over that mid-cut, and the excess of the radius.
+
+    Shape (Z,), the second in um over mid-cut; 1 and 0 of a part that does not change along the cut.
+    """
+    part = _changing(job, machine)
+    if part is None:
+        return np.ones_like(z_mm), np.zeros_like(z_mm)
+    lobe_um, size_um = _along(part, (*z_mm.tolist(), middle_mm(job), 0.0))
+    middle_um, at_jaws_um = lobe_um[-2:]
+    scaled = job.lobe_amplitude_um > 0.0 and abs(middle_um) >= LEAST_AXIAL_FRACTION * abs(at_jaws_um)
+    factor = lobe_um[:-2] / middle_um if scaled else np.ones_like(z_mm)
+    return floats(factor), floats(size_um[:-2] - size_um[-2])
+
+
+def largest_lobe(job: Job, machine: MachineProfile) -> tuple[float, float | None]:
+    """Return the largest amplitude of the lobe along the cut, um, and its Z, mm; None where it is even."""
+    along = along_cut(job, machine)
+    if not along.orders:
+        return job.lobe_amplitude_um, None
+    past_mm = along.half_length_mm * np.linspace(-1.0, 1.0, 41)
+    factors = np.abs(along.factor(job.jaws, past_mm))
+    place = int(factors.argmax())
+    return job.lobe_amplitude_um * float(factors[place]), middle_mm(job) - float(past_mm[place])
 
 
 def holding_spread(job: Job, machine: MachineProfile) -> dict[str, tuple[float, float]]:
@@ -91,12 +113,25 @@ def oval_over_ring(job: Job, machine: MachineProfile) -> float:
     return oval / abs(lobe) if abs(lobe) >= LEAST_AXIAL_FRACTION else 1.0
 
 
-def _along(part: HeldPart, z_mm: Floats) -> tuple[Floats, Floats]:
+def _changing(job: Job, machine: MachineProfile) -> HeldPart | None:
+    """Return the part, if it can be held and cut, and its lobe changes along Z."""
+    try:
+        part = held_part(job, machine)
+    except ProfileError:
+        return None
+    whole = 0.0 < job.cut_length_mm <= job.overhang_mm and job.depth_of_cut_mm < job.wall_thickness_mm
+    changes = machine.chuck.lobe_along != ONE_LOBE and part.thin and whole and part.per_jaw_n > 0.0
+    return part if changes else None
+
+
+@lru_cache(maxsize=16)
+def _along(part: HeldPart, z_mm: tuple[float, ...]) -> tuple[Floats, Floats]:
     """Return the amplitude of order N, and the excess of the radius, um, at places of a part."""
-    jaws = part.job.jaws
+    jaws, z = part.job.jaws, floats(z_mm)
     angle_deg = floats(np.arange(_POINTS) * (360.0 / jaws / _POINTS))
-    error_um = np.sum(list(part.error_parts_um(angle_deg, z_mm).values()), axis=0)
-    return floats(2.0 / _POINTS * error_um @ np.cos(jaws * np.radians(angle_deg))), part.size_um(z_mm)
+    error_um = np.sum(list(part.error_parts_um(angle_deg, z).values()), axis=0)
+    lobe_um = 2.0 / _POINTS * error_um @ np.cos(jaws * np.radians(angle_deg))
+    return read_only(lobe_um), read_only(part.size_um(z))
 
 
 def _powers(s: Floats, values: Floats, most_off: float) -> Floats:

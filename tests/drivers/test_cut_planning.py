@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from drivers.cutting.findings import leaving_findings
 from drivers.cutting.planning import CutPlan, Strategy, nominal_command, plan_cut
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
@@ -28,8 +29,10 @@ from profiles.axis.servo import sampled_response
 from profiles.compensations.path import CutPath, PathHarmonic, target_path
 from profiles.findings import Severity
 from profiles.job import Job
+from profiles.lobe.along import along_cut, holding_spread
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError, ProfileError
+from profiles.store import load_machine
 from tests.drivers.conftest import JobMaker
 from tests.drivers.cut_floor import short
 
@@ -250,6 +253,16 @@ def test_a_path_that_leaves_the_part_is_refused_and_a_plain_cut_of_the_same_job_
     assert (problem.code, problem.key) == ("cut.leaves_part", "depth_of_cut_mm")
     assert (problem.value, problem.limit) == ("-7.50 um", ">= 0.0325 mm")
     assert codes(plan_cut(shallow, machine, Strategy.NONE), Severity.REFUSAL) == set()
+
+
+def test_a_path_that_leaves_the_part_at_one_end_only_is_refused_with_its_place(experiment: JobMaker) -> None:
+    """27.5 um mid-cut and 5 for the edge would do; at the jaws' side, Z 22, the lobe of the shell is a fifth more."""
+    lathe, job = load_machine("lee-2001-lathe").machine, replace(experiment(1), depth_of_cut_mm=0.033)
+    (found,) = leaving_findings(job, replace(target_path(job), along=along_cut(job, lathe)))
+    assert found.problem.value.endswith(" um (Z 22.0 mm)")
+    most, _ = holding_spread(job, lathe)["profile"]
+    assert float(found.problem.limit.split()[1]) == pytest.approx(0.0275 * most + 0.005, abs=2e-4)
+    assert leaving_findings(job, target_path(job)) == ()
 
 
 def test_a_learned_path_is_judged_by_its_own_waves(machine: MachineProfile, experiment: JobMaker) -> None:

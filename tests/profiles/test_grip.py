@@ -29,7 +29,8 @@ from profiles.chucking.holding import Wrench, torque_n_m
 from profiles.cutting import cutting_force
 from profiles.findings import Severity, refusals
 from profiles.job import Job
-from profiles.machine import MachineProfile
+from profiles.lobe.along import holding_spread
+from profiles.machine import ONE_LOBE, MachineProfile
 from profiles.materials import material_named
 from profiles.problem import ProfileError
 from profiles.rules import LEAST_CHIP_MM, check
@@ -224,6 +225,7 @@ def test_a_material_without_numbers_is_told_and_asks_nothing_of_the_grip() -> No
 
 ONE = load_job("lee-2001-experiment-1").job
 TWO = load_job("lee-2001-experiment-2").job
+EVEN = replace(LATHE, chuck=replace(LATHE.chuck, lobe_along=ONE_LOBE))
 HEAVY_JAWS = replace(LATHE, chuck=replace(LATHE.chuck, jaw_mass_kg=0.8, jaw_radius_mm=60.0))
 
 
@@ -280,13 +282,13 @@ def test_chucks_lose_force_with_the_speed_down_to_two_thirds() -> None:
 )
 def test_one_rule_at_a_time(changes: dict[str, float], code: str | None) -> None:
     tough = replace(ONE, material="SCM440-H")
-    soft_jaws = replace(LATHE, chuck=replace(LATHE.chuck, jaw_length_mm=1000.0))
-    machine = soft_jaws if "wall_thickness_mm" in changes else LATHE
+    soft_jaws = replace(EVEN, chuck=replace(EVEN.chuck, jaw_length_mm=1000.0))
+    machine = soft_jaws if "wall_thickness_mm" in changes else EVEN
     assert refused(replace(tough, **changes), machine) == ([code] if code else [])  # type: ignore[arg-type]
 
 
-def told(job: Job, code: str) -> tuple[Severity, str, str]:
-    (found,) = [finding for finding in check(job, LATHE) if finding.problem.code == code]
+def told(job: Job, code: str, machine: MachineProfile = EVEN) -> tuple[Severity, str, str]:
+    (found,) = [finding for finding in check(job, machine) if finding.problem.code == code]
     return found.severity, found.problem.value, found.problem.limit
 
 
@@ -298,10 +300,27 @@ def test_a_depth_that_does_not_hold_the_lobe_is_refused() -> None:
     assert told(ONE, "rule.depth_over_wall")[1] == "2.3725 mm"
 
 
+def test_what_the_lobe_needs_is_judged_where_along_the_cut_it_is_largest() -> None:
+    """Depth, thrust and acceleration: at the jaws' side, Z 22, the lobe of experiment 1 is a fifth larger."""
+    most, _ = holding_spread(ONE, LATHE)["profile"]
+    least_mm = 0.0275 * most + 0.005
+    assert 0.038 < least_mm < 0.039
+    for depth_mm, severity in ((least_mm - 0.0003, Severity.REFUSAL), (least_mm + 0.0003, Severity.OK)):
+        met, _, limit = told(replace(ONE, depth_of_cut_mm=depth_mm), "rule.depth_under_lobe", LATHE)
+        assert met is severity
+        assert limit.endswith(" mm (Z 22.0 mm)")
+    for code in ("rule.tool_force", "rule.encoder_acceleration"):
+        (middle, end) = (float(told(ONE, code, each)[1].split()[0]) for each in (EVEN, LATHE))
+        assert end == pytest.approx(most * middle, rel=1e-3)
+        assert told(ONE, code, LATHE)[1].endswith(" (Z 22.0 mm)")
+    limits = [envelope(ONE, each).at_job.rpm["velocity"] for each in (EVEN, LATHE)]
+    assert limits[0] == pytest.approx(most * limits[1], rel=1e-3)
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_the_refusal_of_a_shallow_cut_has_the_least_depth_and_what_the_edge_needs(language: str) -> None:
     """0.02 mm with a lobe of 55 um previews as round and leaves 7.5 um: 27.5 um and 5 um for the edge."""
-    (finding,) = refusals(check(replace(ONE, depth_of_cut_mm=0.02), LATHE))
+    (finding,) = refusals(check(replace(ONE, depth_of_cut_mm=0.02), EVEN))
     said = Sentences(words_of(language)).problem(replace(finding.problem, where="/some/job.toml"))
     assert all(fact in said for fact in ("0.02 mm", "0.0325 mm", f"{1000 * LEAST_CHIP_MM:g} um"))
 

@@ -251,7 +251,8 @@ def test_jaw_1_found_by_the_alignment_turns_the_lobe_at_once(planner: Planner) -
 @pytest.mark.parametrize("strategy", list(Strategy))
 def test_nothing_on_the_page_jumps_when_a_program_is_there(strategy: Strategy) -> None:
     """Before and after, the same rows of the same width; of the needs only those of the printed program differ."""
-    text, job, machine = load("en"), short().job, load_machine(MACHINE).machine
+    job = replace(short().job, cut_length_mm=2.0)
+    text, machine = load("en"), load_machine(MACHINE).machine
     late = preview(job, machine, strategy)
     early = session_preview.underway(outlook(job, machine, strategy), late.eq9_loop, {})
     needs = [

@@ -16,7 +16,7 @@ from console.text.forces import no_force_remedy
 from drivers.cutting.planning import CutPlan
 from drivers.preview.band import Band, predicted_band
 from drivers.preview.outlook import grip_demand
-from drivers.preview.preview import Preview, Response
+from drivers.preview.preview import Preview, Response, surface_left, worst_section
 from profiles.axis.envelope import envelope, highest_safe_speed
 from profiles.chucking.advice import force_span
 from profiles.findings import Severity
@@ -37,6 +37,7 @@ def preview_fields(seen: Preview, text: Catalogue) -> dict[str, object]:
         "predicted_RONt_um": seen.job.lobe_error_um_pp,
         "lobe_error_source": _source(seen),
         "predicted": _predict_roundness(seen, text),
+        **_along_cut(seen),
         "response": _response(seen),
         "wanted_path": harmonics_of(seen.target),
         "command": harmonics_of(seen.command),
@@ -76,6 +77,20 @@ def _predict_roundness(seen: Preview, text: Catalogue) -> dict[str, object] | No
             "high_um": forecast_um(band.high_um),
         },
     }
+
+
+def _along_cut(seen: Preview) -> dict[str, object]:
+    """Return what the strategy leaves along the cut, calculated: each section, and the least round; None unknown.
+
+    The names are those of a measured part.
+    """
+    surface, worst = surface_left(seen, seen.strategy), worst_section(seen, seen.strategy)
+    z_mm, um = (None, None) if worst is None else worst
+    sections = None
+    if surface is not None:
+        columns = zip(surface.z_mm.tolist(), surface.ront_um.tolist(), surface.mean_um.tolist(), strict=True)
+        sections = [{"z_mm": z, "RONt_um": ront, "mean_um": mean} for z, ront, mean in columns]
+    return {"sections": sections, "worst_section_z_mm": z_mm, "worst_section_um_pp": um}
 
 
 def _response(seen: Preview) -> dict[str, object]:
@@ -203,6 +218,10 @@ def _facts(seen: Preview, band: Band | None, text: Catalogue) -> list[tuple[str,
         if is_below_forecast(band.after_um):
             calculated, least = f"{band.after_um:.2f}", f"{LEAST_FORECAST_UM:g}"
             rows.append(("", text("forecast.least", calculated=calculated, least=least)))
+    worst = worst_section(seen, seen.strategy)
+    if worst is not None:
+        place = f"Z {worst[0]:.1f} mm: {forecast_um(worst[1]):.1f} um"
+        rows.append((text("preview.worst", strategy=seen.strategy), place))
     return [
         *rows,
         (text("preview.grip"), f"{seen.grip_margin_n:.0f} N"),

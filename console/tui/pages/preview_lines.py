@@ -13,7 +13,7 @@ from console.tui.theme import Token
 from console.units import METRIC, Units
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
-from drivers.preview.preview import ClosedForm, PartialPreview, ProgramPrediction, closed_form
+from drivers.preview.preview import ClosedForm, PartialPreview, ProgramPrediction, closed_form, worst_section
 from profiles.compensations.learned_compensation import ExpectedPart
 from profiles.findings import Finding, Severity
 from profiles.forecast import forecast_um
@@ -163,6 +163,17 @@ def roundness_caption(
     return [*lines, *wrap_line(jaw_words(seen.job, alignment, text), width)]
 
 
+def worst_line(seen: PartialPreview, strategy: Strategy, text: Catalogue) -> Line:
+    """Return the section that is left least round, with its place; "…" until its program exists."""
+    found, units = worst_section(seen, strategy), text.units
+    if found is None:
+        known = strategy in seen.strategies or seen.job.lobe_error_source == NO_LOBE
+        return BLANK if known else line(dim(text("preview_page.worst")), f" {UNKNOWN}")
+    z_mm, um = found
+    place = f" Z {units.show(z_mm, 'mm', 1)}: "
+    return line(dim(text("preview_page.worst")), place, (units.show(forecast_um(um), "um", 1), Token.AFTER))
+
+
 def strategy_lines(
     seen: PartialPreview, strategy: Strategy, text: Catalogue, width: int, height: int
 ) -> list[Line]:
@@ -200,9 +211,9 @@ def margins(seen: PartialPreview, strategy: Strategy, units: Units) -> tuple[Mar
 def _needs(seen: PartialPreview, strategy: Strategy) -> dict[str, float]:
     made = find_prediction(seen, strategy)
     if made is not None:
-        stroke_um, lobe_hz, demands = made.stroke_um, made.lobe_frequency_hz, made.demands
+        stroke_um, lobe_hz, demands = made.largest_stroke_um, made.lobe_frequency_hz, made.demands
     elif strategy in seen.strategies:  # there is no program: the needs of the inverse may explain why
-        stroke_um, lobe_hz, demands = 2.0 * seen.command.amplitude_um, seen.job.lobe_frequency_hz, seen.demands
+        stroke_um, lobe_hz, demands = 2.0 * seen.command.largest_um, seen.job.lobe_frequency_hz, seen.demands
     else:
         return {}
     of_drive = {name: drive.need for name, drive in demands.items()}

@@ -13,6 +13,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.setup import APPROACH_MM, CutSetup
 from profiles.job import Job
@@ -69,3 +72,16 @@ def with_push(text: str, job: Job, setup: CutSetup, push_um: float, segment_ms: 
     for fed in ("P25-P24-P49", "P25-P49-P24", "(P25-P49)", "P25"):
         text = text.replace(f"{{push@{fed}}}", _in_segment(fed) if push_um else "")
     return text.replace("{pushed}", "+P70" if push_um else "")
+
+
+def left_of_push(setup: CutSetup, turn_ms: float, since_ms: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the fraction of the push that moves the tool, by the time since the chip began: the program's offset.
+
+    It comes into effect evenly over the blend, and the integrator takes it over.
+    """
+    blend_ms, t_ms = blend_turns(setup) * turn_ms, np.maximum(since_ms, 0.0)
+    rising_ms, relaxes_ms = np.minimum(t_ms, blend_ms), setup.relaxation_ms
+    if math.isinf(relaxes_ms):
+        return rising_ms / blend_ms
+    risen = -np.expm1(-rising_ms / relaxes_ms) * relaxes_ms / blend_ms
+    return np.asarray(risen * np.exp(-(t_ms - rising_ms) / relaxes_ms), dtype=np.float64)
