@@ -187,7 +187,7 @@ _ACTIONS = (
     Action(id="setup.previous", keys=("shift+tab", "up"), shown="↑", row=""),
     *_keys("setup", "page_up PgUp ., page_down PgDn", "first Home ., last End", "edit Enter", "undo u"),
     *_keys("setup", "save_as s"),
-    *_keys("preview", "strategy c", "learned l", "response i", "stage s", "program p"),
+    *_keys("preview", "strategy c", "learned l", "response i", "stage s", "program p", "map m"),
     Action(id="preview.up", keys=("up", "pageup"), shown="↑", row="↑↓"),
     Action(id="preview.down", keys=("down", "pagedown"), shown="↓", row=""),
     *_keys("preview", "first Home ., last End"),

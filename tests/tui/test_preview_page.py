@@ -33,9 +33,11 @@ from console.tui.theme import Token
 from console.tui.ui_context import View
 from console.units import METRIC
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.preview.outlook import outlook
 from drivers.preview.preview import Preview, Program, preview, underway
 from drivers.preview.program_prediction import ProgramPrediction, predict, predict_following
 from profiles.axis.servo import sampled_response
+from profiles.job import NO_LOBE
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
 from tests.tui.page_stage import shown_on
@@ -199,6 +201,36 @@ def test_jaw_1_is_said_to_be_found_when_the_alignment_found_it() -> None:
     assert "(assumed)" in shown(work, (100, 24), state=StationState(alignment=Alignment(jaw=older)))
 
 
+@pytest.mark.parametrize(
+    ("language", "said"), [("en", "worst section Z 22.4 mm: "), ("ko", "최악 단면 Z 22.4 mm: ")]
+)
+def test_the_worst_section_is_named_beside_the_polar_plot(language: str, said: str) -> None:
+    """What one amplitude leaves is largest at the jaws' side; below 2 um nothing is forecast."""
+    assert f"{said}2.0 um" in shown(previewed("pvt"), language=language)
+    assert f"{said}37.9 um" in shown(previewed("paper"), language=language)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_m_shows_the_map_in_place_of_path_and_margins_and_a_wide_page_has_all(language: str) -> None:
+    text = load(language)
+    title = text("preview_page.map", unit="mm")
+    path, needs = (text(f"preview_page.{each}") for each in ("path", "margins"))
+    for acts, there, gone in (((), (path, needs), title), (("preview.map",), (title, "22.4▸", "▓/= 30 um"), path)):
+        seen_now = shown(previewed("paper"), language=language, acts=acts)
+        assert all(words in seen_now for words in there) and gone not in seen_now
+    assert path in shown(previewed("paper"), language=language, acts=("preview.map", "preview.map"))
+    whole = shown(previewed("paper"), (160, 42), language)
+    assert all(words in whole for words in (title, "22.4▸", path, needs))
+
+
+def test_until_its_program_exists_and_without_a_lobe_no_section_is_named() -> None:
+    work = previewed("paper")
+    assert work.preview is not None
+    early = underway(outlook(work.job, work.machine.machine, Strategy.PAPER), None, {})
+    assert "worst section …" in shown(replace(work, preview=None, outlook=early))
+    assert "worst section" not in shown(previewed("none", lobe_error_source=NO_LOBE, lobe_error_um_pp=0.0))
+
+
 def test_with_and_without_compensation_differ_by_more_than_colour() -> None:
     without, with_ = roundness_traces(seen(), Strategy.PAPER)
     assert (without.token, without.dashed) == (Token.BEFORE, True)
@@ -211,14 +243,17 @@ def test_with_and_without_compensation_differ_by_more_than_colour() -> None:
 
 
 def test_margins_are_percent_and_both_values() -> None:
-    """Table 2: 400 N continuous, 36.8 A; Ix16 is 100 mm/s; the bandwidth of Eq 9 with Table 4 is 55.2 Hz."""
+    """Table 2: 400 N continuous, 36.8 A; Ix16 is 100 mm/s; the bandwidth of Eq 9 with Table 4 is 55.2 Hz.
+
+    The stroke is that where the lobe is largest: 1.23 times the 62.1 um mid-cut.
+    """
     lines = plain_text(margin_lines(margins(seen(), Strategy.PVT, METRIC), load("en"), 60, 6)).split("\n")
     assert [line.split() for line in lines] == [
-        [*"stroke □□□□□□□□□□□□□□□□□□□□□□□ 0.062 / 77.000 mm 0 %".split()],
-        [*"velocity ■■□□□□□□□□□□□□□□□□□□□□□ 9.8 / 100.0 mm/s 10 %".split()],
-        [*"accel. □□□□□□□□□□□□□□□□□□□□□□□ 3.1 / 250.0 m/s2 1 %".split()],
-        [*"thrust, rms ■□□□□□□□□□□□□□□□□□□□□□□ 10.4 / 400.0 N 3 %".split()],
-        [*"current □□□□□□□□□□□□□□□□□□□□□□□ 0.27 / 36.80 A 1 %".split()],
+        [*"stroke □□□□□□□□□□□□□□□□□□□□□□□ 0.076 / 77.000 mm 0 %".split()],
+        [*"velocity ■■■□□□□□□□□□□□□□□□□□□□□ 12.0 / 100.0 mm/s 12 %".split()],
+        [*"accel. □□□□□□□□□□□□□□□□□□□□□□□ 3.8 / 250.0 m/s2 2 %".split()],
+        [*"thrust, rms ■□□□□□□□□□□□□□□□□□□□□□□ 12.7 / 400.0 N 3 %".split()],
+        [*"current □□□□□□□□□□□□□□□□□□□□□□□ 0.33 / 36.80 A 1 %".split()],
         [*"servo loop ■■■■■■■■■■■■■■■■■■■■■□□ 50.0 / 55.2 Hz 91 %".split()],
     ]
 

@@ -36,13 +36,14 @@ from console.tui.pages.learning_keys import (
 from console.tui.pages.run_lines import window_words
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.polar_view import AngleMark, PolarTrace, PolarView
+from console.tui.plot.surface_map import SurfaceMap, SurfaceMapView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.theme import Palette, Token
 from console.tui.ui_context import UiContext, View
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.band import predicted_band
 from drivers.preview.outlook import Outlook
-from drivers.preview.preview import PartialPreview
+from drivers.preview.preview import PartialPreview, surface_left
 from profiles.axis.envelope import highest_safe_speed
 from profiles.axis.response import ResponseSource, ServoResponse
 from profiles.compensations.next_version import half_width_um_pp
@@ -290,7 +291,10 @@ class PreviewPage(ChartPage):
         #preview-right { width: 1fr; height: 1fr; }
         #preview-roundness { height: 1fr; }
         #preview-caption { width: 16; height: 1fr; }
-        #preview-path { height: 1fr; }
+        #preview-figures { height: 1fr; }
+        #preview-worst { height: 1; }
+        #preview-path, #preview-map { height: 1fr; }
+        #preview-map { display: none; }
         #preview-strategy { height: 8; }
         #preview-margins { height: 10; }
         #preview-program, #preview-message { height: 1fr; }
@@ -299,6 +303,8 @@ class PreviewPage(ChartPage):
     PreviewPage.-roomy #preview-strategy { height: 12; }
     PreviewPage.-tall #preview-strategy { height: 18; }
     PreviewPage.-tall #preview-margins { height: 16; }
+    PreviewPage.-tall #preview-map, PreviewPage.-mapping #preview-map { display: block; }
+    PreviewPage.-mapping #preview-path, PreviewPage.-mapping #preview-margins { display: none; }
     PreviewPage.-bare #preview-roundness, PreviewPage.-bare #preview-path { display: none; }
     PreviewPage.-bare #preview-strategy, PreviewPage.-bare #preview-margins { height: 1fr; }
     """
@@ -311,17 +317,20 @@ class PreviewPage(ChartPage):
         self._strategy = Sheet(palette, id="preview-strategy", classes="panel")
         self._path = TraceView(palette=palette, id="preview-path", classes="panel")
         self._margins = Sheet(palette, id="preview-margins", classes="panel")
-        self._roundness = Horizontal(self._polar, self._caption, id="preview-roundness", classes="panel")
+        self._worst = Sheet(palette, id="preview-worst")
+        figures = Horizontal(self._polar, self._caption, id="preview-figures")
+        self._roundness = Vertical(figures, self._worst, id="preview-roundness", classes="panel")
+        self._map = SurfaceMapView(palette=palette, id="preview-map", classes="panel")
         self._program = ProgramView(palette, text, id="preview-program")
         self._program.add_class("panel")
         self._message = Sheet(palette, id="preview-message")
         self._charts = Horizontal(
             Vertical(self._roundness, self._strategy, id="preview-left"),
-            Vertical(self._path, self._margins, id="preview-right"),
+            Vertical(self._map, self._path, self._margins, id="preview-right"),
             id="preview-charts",
         )
         self.panels = (self._charts, self._program, self._message)
-        self.texts = (self._caption, self._strategy, self._margins, self._message)
+        self.texts = (self._caption, self._worst, self._strategy, self._margins, self._message)
         self._reading = False
         self._speeds = SpeedLimits()
         self._in_full: tuple[tuple[Work, bool, int], list[Line]] | None = None
@@ -332,6 +341,7 @@ class PreviewPage(ChartPage):
         self._path.border_title = text("preview_page.path")
         self._path.border_subtitle = text("preview_page.path_key")
         self._margins.border_title = text("preview_page.margins")
+        self._map.border_title = text("preview_page.map", unit=text.units.unit("mm"))
         self._charts.display = self._program.display = False
 
     def news(self, view: View) -> tuple[object, ...]:
@@ -350,6 +360,9 @@ class PreviewPage(ChartPage):
         elif action == "preview.program":
             self._reading = not self._reading
             self.paint_again()
+        elif action == "preview.map":
+            self.toggle_class("-mapping")
+            self.paint_again()
         else:
             self._program.scroll(action)
 
@@ -362,7 +375,7 @@ class PreviewPage(ChartPage):
             return why_no_compensation(view.work, self.ui.data, simulated=state.simulated, lathe=state.lathe)
         if action == "preview.response":
             return why_no_response(view.work, self.ui.data, simulated=view.state.simulated)
-        if action in _CHOICES or action == "preview.program" or self._reading:
+        if action in _CHOICES or action in ("preview.program", "preview.map") or self._reading:
             return ()
         return (Problem(code="screen.program_closed"),)
 
@@ -470,6 +483,21 @@ class PreviewPage(ChartPage):
             series=series, x_limits=_FULL_TURN, y_limits=limits, y_unit=units.unit("um"), x_unit="°"
         )
         self._path.show(picture)
+        surface = surface_left(seen, strategy)
+        if surface is None:
+            self._map.show(SurfaceMap(z_mm=(), angle_deg=(), deviation_um=()))
+        else:
+            left_um = surface.residual_um + surface.mean_um[:, None]
+            self._map.show(
+                SurfaceMap(
+                    z_mm=surface.z_mm,
+                    angle_deg=surface.angle_deg,
+                    deviation_um=left_um,
+                    worst=surface.worst,
+                    marks=marks,
+                    units=units,
+                )
+            )
 
     def _write(
         self, seen: PartialPreview, strategy: Strategy, alignment: Alignment, band: preview_lines.Span | None
@@ -478,6 +506,7 @@ class PreviewPage(ChartPage):
         width, window = max(self._caption.size.width, 1), window_words(seen.job, seen.machine, self.ui.text)
         caption = preview_lines.roundness_caption(seen, strategy, alignment, scale, text, width, band)
         self._caption.show(caption)
+        self._worst.show([preview_lines.worst_line(seen, strategy, text)])
         self._strategy.show(preview_lines.strategy_lines(seen, strategy, text, *self._strategy.size))
         needs = preview_lines.margins(seen, strategy, text.units)
         size = self._margins.size
