@@ -256,7 +256,7 @@ def test_a_path_that_leaves_the_part_is_refused_and_a_plain_cut_of_the_same_job_
 
 
 def test_a_path_that_leaves_the_part_at_one_end_only_is_refused_with_its_place(experiment: JobMaker) -> None:
-    """27.5 um mid-cut and 5 for the edge would do; at the jaws' side, Z 22, the lobe of the shell is a fifth more."""
+    """27.5 um mid-cut and 5 for the edge would do; at the jaws, Z 22, the lobe of the shell is a fifth more."""
     lathe, job = load_machine("lee-2001-lathe").machine, replace(experiment(1), depth_of_cut_mm=0.033)
     (found,) = leaving_findings(job, replace(target_path(job), along=along_cut(job, lathe)))
     assert found.problem.value.endswith(" um (Z 22.0 mm)")
