@@ -32,10 +32,17 @@ def along_cut(job: Job, machine: MachineProfile) -> AlongCut:
     There the lobe changes its sign, and any height fits what was found. None, too, where the chuck is said to
     press one lobe along Z, and of a part that cannot be held or cut.
     """
-    half_mm = job.cut_length_mm / 2.0
     part = _changing(job, machine)
-    if part is None:
-        return AlongCut(half_length_mm=half_mm) if half_mm > 0.0 else AlongCut()
+    if part is not None:
+        return _follow(part)
+    return AlongCut(half_length_mm=job.cut_length_mm / 2.0) if job.cut_length_mm > 0.0 else AlongCut()
+
+
+@lru_cache(maxsize=16)
+def _follow(part: HeldPart) -> AlongCut:
+    """Return the change of the lobe and the mean of a part along its cut."""
+    job = part.job
+    half_mm = job.cut_length_mm / 2.0
     s = chebyshev.chebpts2(PLACES)
     at_mm = middle_mm(job) - half_mm * s
     lobe_um, size_um = _along(part, (*at_mm.tolist(), 0.0))
