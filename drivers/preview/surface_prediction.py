@@ -60,14 +60,21 @@ def predict_whole(
 def with_lobe(surface: SurfacePrediction, instead: LobedPath, job: Job) -> SurfacePrediction:
     """Return what is left of a part whose lobe mid-cut is another than that of its job.
 
-    Order N changes along the cut as predicted, other orders do not.
+    Order N changes along the cut as predicted, other orders do not; beside that each has its axial terms.
     """
     more = instead.plus({job.jaws: -free_state_lobe(job).harmonics[0].coefficient})
-    residual_um = surface.residual_um.copy()
+    residual_um, mean_um = surface.residual_um.copy(), surface.mean_um.copy()
     for harmonic in more.harmonics:
         factor = surface.lobe_factor if harmonic.lobes == job.jaws else np.ones_like(surface.z_mm)
         residual_um += np.outer(factor, harmonic.at_um(surface.angle_deg))
-    return replace(surface, residual_um=read_only(residual_um))
+    s, angle = 2.0 * (middle_mm(job) - surface.z_mm) / job.cut_length_mm, np.radians(surface.angle_deg)
+    for term in instead.axial:
+        wave = (term.coefficient * np.exp(1j * term.lobes * angle)).real
+        if term.lobes:
+            residual_um += np.outer(s**term.power, wave)
+        else:
+            mean_um += term.cos_um * s**term.power
+    return replace(surface, residual_um=read_only(residual_um), mean_um=read_only(mean_um))
 
 
 def _predict_surface(

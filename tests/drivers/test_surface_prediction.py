@@ -13,7 +13,7 @@ from drivers.cutting.strategy import Strategy
 from drivers.preview.program_prediction import SurfacePrediction
 from drivers.preview.surface_prediction import predict_whole, with_lobe
 from profiles.axis.servo import sampled_response
-from profiles.compensations.path import CutPath, PathHarmonic, free_state_lobe, target_path
+from profiles.compensations.path import AxialTerm, CutPath, PathHarmonic, free_state_lobe, target_path
 from profiles.machine import ONE_LOBE, MachineProfile
 from profiles.store import load_job, load_machine
 
@@ -96,6 +96,26 @@ def test_the_lobe_of_a_measured_part_takes_the_place_of_that_of_the_job() -> Non
     surface = with_lobe(left(Strategy.PVT), found, JOB)
     factor = left(Strategy.NONE).ront_um / 55.0
     assert surface.ront_um == pytest.approx(8.0 * factor, abs=0.5)
+
+
+def test_a_part_that_taught_a_slope_is_left_round_by_the_path_that_has_it() -> None:
+    """4 um of slope in the lobe and 3 in the mean, learned: planned into the path, and the part has them."""
+    slope = (AxialTerm(lobes=0, power=1, cos_um=3.0), AxialTerm(lobes=3, power=1, cos_um=4.0))
+    model = plan_cut(JOB, LATHE, Strategy.CAM)
+    target = replace(model.target, axial=slope)
+    gain = 1.0 / complex(sampled_response(LATHE, 50.0))
+    turned = 4.0 * gain
+    command = replace(
+        model.command,
+        axial=(slope[0], AxialTerm(lobes=3, power=1, cos_um=turned.real, sin_um=-turned.imag)),
+    )
+    made = plan_cut(JOB, LATHE, Strategy.CAM, path=CutPath(target=target, command=command))
+    of_model = predict_whole(JOB, LATHE, made).surface
+    assert of_model is not None
+    assert of_model.ront_um.max() > 6.0
+    surface = with_lobe(of_model, target, JOB)
+    assert surface.ront_um.max() < 1.5
+    assert np.abs(surface.mean_um).max() < 0.3
 
 
 def test_half_of_a_path_leaves_half_of_the_lobe_everywhere() -> None:
