@@ -30,6 +30,11 @@ LEAST_TOOL_UM = 4.0  # deviations below this do not stand out in any real cut
 LEAST_CARRIAGE_MM = 0.02
 LEAST_SPINDLE_S = 0.1  # in time of the host; a delayed host, or a delayed simulated controller, loses some of it
 MOST_OF_LOBE = 0.5  # fraction of the lobe by which a following tool may deviate: half as large, or 29 degrees late
+STUCK_UM, LEAST_STUCK_UM = 5.0, 1.0
+"""Amplitude up to which dry friction holds a tool altogether; above that it takes as much of any lobe. Assumed. A
+path on which the amplitude becomes as small as that changes its error along the cut with it, and its mean: a tool
+at rest keeps the place where it was."""
+
 TIMES_USUAL = 12.0  # times the median deviation: stands out even where tool and spindle are read separately
 MOST_OF_LAG = 0.5  # fraction of a deviation up to which the command had no part in it, and the axis lagged
 MOMENTS = ("cut.off_path", "cut.lagged")
@@ -130,6 +135,9 @@ class PathSeen:
         off_um = infeed_um[:, 0] - target.at_um(360.0 * turns, past_mm)
         command_off_um = infeed_um[:, 1] - plan.command.at_um(360.0 * turns, past_mm)
         columns = _columns(turns, past_mm, lobes, entry)
+        columns = np.column_stack(
+            [columns, *_stuck(turns, target.amplitude_um * target.along.factor(lobes, past_mm), lobes)]
+        )
         known = plan.strategy.traits.inverts and not plan.command.push_um
         command_columns = _columns(turns, past_mm, lobes, ()) if known else columns
         left, found = _robust_residuals(off_um, columns)
@@ -219,6 +227,15 @@ def _columns(turns: Floats, past_mm: Floats, lobes: int, entry: tuple[float, ...
         [harmonic_columns(angle_rad, (lobes,), past_mm), *decays, harmonic_columns(angle_rad, further)[:, 1:]]
     )
     return columns[:, : max(4, len(turns) // POLLS_A_TERM)]
+
+
+def _stuck(turns: Floats, amplitude_um: Floats, lobes: int) -> list[Floats]:
+    """Model what dry friction makes of a lobe of such amplitudes, where they become small along the cut."""
+    stuck_um = np.clip(amplitude_um, -STUCK_UM, STUCK_UM)
+    if np.ptp(stuck_um) <= LEAST_STUCK_UM:
+        return []
+    angle_rad = 2.0 * np.pi * lobes * turns
+    return [stuck_um * np.cos(angle_rad), stuck_um * np.sin(angle_rad), 1.0 - np.abs(stuck_um) / STUCK_UM]
 
 
 def _robust_residuals(values: Floats, columns: Floats) -> tuple[Floats, Floats]:

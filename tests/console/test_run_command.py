@@ -122,6 +122,16 @@ def test_the_printed_program_is_slow_and_short(
 
 
 @pytest.mark.long
+def test_a_part_whose_lobe_is_hardly_any_at_its_free_end_is_cut_and_measured(
+    console: Console, close: tuple[str, str]
+) -> None:
+    """The thin tube of the paper: where its lobe is small friction takes all of it, and nobody moved the tool."""
+    words = ("--sim", "--plant", "steady", "--seed", "1", "--strategy", "pvt", "--json")
+    result = console("run", "lee-2001-experiment-2", *close, *words).json
+    assert result["cut_verdict"] == "tool_error" and len(result["sections"]) == 5
+
+
+@pytest.mark.long
 def test_ts_5_reaches_the_speed_but_not_the_stroke(run: Run) -> None:
     result = run("--strategy", "paper", "--ts", "5")
     assert result["spindle_rpm"] == pytest.approx(1000, rel=1e-4)
