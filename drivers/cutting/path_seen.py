@@ -46,6 +46,7 @@ ENTRY_TURNS = (
     3.0,
     12.0,
 )  # over which a tool yields that has just met the part: its guides give way, its loop follows
+STRETCH_TURNS = 200.0  # judged apart: what force and dry friction make of a path changes slowly along a long cut
 SETTLED_TURNS = 3.0  # in air, from the start of feed: a tool held by dry friction has not reached its path before
 LAST_TURN = 0.15  # fraction of the last turn that is left out: after it the tool retracts
 SWEEPS = 20
@@ -121,11 +122,20 @@ class PathSeen:
         # Only a cut that follows the lobe has reached its path when the feed begins.
         told: dict[str, Problem] = {}  # what is off in every turn in air and in the part is told of the part
         for among in (clear, recut, uncut) if self._plan.strategy.traits.inverts else (recut, uncut):
-            if among.sum() >= LEAST_POLLS:
-                entry = () if among is clear else ENTRY_TURNS
-                for problem in self._tool(rows[among][:, (1, 5)], turns[among], at[among], entry):
+            entry = () if among is clear else ENTRY_TURNS
+            for stretch in self._stretches(among, turns):
+                for problem in self._tool(rows[stretch][:, (1, 5)], turns[stretch], at[stretch], entry):
                     told[f"{problem.code} {problem.where if problem.code in MOMENTS else ''}"] = problem
+                entry = ()
         yield from told.values()
+
+    @staticmethod
+    def _stretches(among: NDArray[np.bool_], turns: Floats) -> list[NDArray[np.intp]]:
+        """Return the polls among all that are judged together, as far as there are enough of them."""
+        polls = np.flatnonzero(among)
+        length = float(np.ptp(turns[polls])) if polls.size else 0.0
+        parts = np.array_split(polls, max(math.ceil(length / STRETCH_TURNS), 1))
+        return [each for each in parts if each.size >= LEAST_POLLS]
 
     def _tool(self, tool: Floats, turns: Floats, carriage: Floats, entry: tuple[float, ...]) -> Iterator[Problem]:
         """Judge positions and commands of the `tool`, shape (M, 2), of a stretch of the cut."""

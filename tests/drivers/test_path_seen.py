@@ -32,7 +32,7 @@ from profiles.compensations.path import AlongCut
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
-from tests.drivers.test_limits_of_a_cut import polled
+from tests.drivers.test_limits_of_a_cut import commanded, polled
 from tests.system.lathe_sites import Site, compact, opened
 
 MACHINE = compact("pmac")
@@ -407,3 +407,29 @@ def test_what_we_or_the_controller_move_is_no_shift(machine: MachineProfile, by:
     with held.commanding() if by == "us" else nullcontext():
         see(3.0, lost=2 if by == "the controller" else 0)
     assert (AxisName.CARRIAGE in held.shifted) is shifted
+
+
+@pytest.mark.parametrize("moment_um", [0.0, 12.0])
+def test_what_changes_slowly_along_a_long_cut_is_no_moment(moment_um: float) -> None:
+    """40 mm: the push of the cut fades over 5 mm, and friction holds back a lobe that changes its sign."""
+    job = replace(JOB, overhang_mm=60.0, cut_length_mm=40.0, lobe_error_um_pp=15.0)
+    lathe, chance = load_machine("lee-2001-lathe").machine, np.random.default_rng(1)
+    planned = plan_cut(job, lathe, Strategy.CAM)
+    setup, seen = planned.setup, PathSeen(planned, lathe)
+    for number in range(int(setup.whole_turns * TURN_S / 0.05)):
+        at_s = 0.05 * number
+        turn = at_s / TURN_S
+        z = setup.carriage_start + turn * setup.carriage_per_turn
+        past_mm = (z - setup.carriage_middle) / lathe.carriage.counts_per_mm
+        held_um = 3.0 * np.tanh((past_mm + 10.0) / 2.0) * np.cos(6.0 * np.pi * turn)
+        off_um = held_um - 12.0 * np.exp(-(past_mm + 20.0) / 5.0) + moment_um * (30.0 <= at_s < 30.2)
+        infeed_um = float(planned.target.at_um(360.0 * turn, past_mm)) + off_um + chance.normal(0.0, 0.3)
+        lag_um = float(planned.command.at_um(360.0 * turn, past_mm)) - infeed_um
+        tool = replace(
+            commanded(setup.surface + infeed_um / lathe.tool.count_um),
+            following_error=lag_um / lathe.tool.count_um,
+        )
+        seen.see(polled(at_s, tool=tool, spindle=commanded(turn * setup.counts_per_turn), carriage=commanded(z)))
+    found_at = [each.where for each in seen.problems()]
+    assert len(found_at) == (1 if moment_um else 0)
+    assert all(float(each.removesuffix(" mm")) == pytest.approx(24.6, abs=0.5) for each in found_at)
