@@ -28,14 +28,19 @@ Codes, with what is refused:
 - `rule.lobe_unstated`         (warning) an error that was found on a part, without the conditions of that cut
 - `rule.lobe_none`             (warning) no lobe error known yet: only a plain cut can be made
 - `rule.chatter_width`         (warning) a cut wider than the part bears without chatter
+- `rule.along_middle`          (warning) a lobe that is nearly none in the middle of the cut, where it is stated:
+                               only a plain cut can be planned
+- `rule.along_degree`          (warning) a lobe along the cut that a polynomial does not follow closely
 
 An error found with no condition stated is not compared, and gives no finding of agreement. The
-last two need a part that can be held and cut, of a known material.
+last four need a part that can be held and cut, of a known material.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
 from profiles.chucking.advice import force_span, wall_stress_mpa
@@ -65,7 +70,7 @@ def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 
 @lru_cache(maxsize=4)
 def _check_rules(of: SameObjects[Job, MachineProfile]) -> tuple[Finding, ...]:
-    from profiles.lobe.along import largest_lobe  # numerics, which the first page does without
+    from profiles.lobe.along import along_findings, largest_lobe  # numerics, which the first page does without
 
     job, machine = of.one, of.other
     lobe_um, lobe_z_mm = largest_lobe(job, machine)
@@ -85,6 +90,7 @@ def _check_rules(of: SameObjects[Job, MachineProfile]) -> tuple[Finding, ...]:
         *(() if job.lobe_force_n is None else (force_as_measured(job),)),
         *lobe_as_found(job, machine),
         *_chatter(job, machine, (*of_part, *of_grip)),
+        *along_findings(job, machine),
     )
 
 
@@ -187,14 +193,28 @@ def _tool_load(job: Job, machine: MachineProfile, lobe_um: float, place: str) ->
     """Check a sine of the lobe's largest amplitude: thrust |-M w^2 + j B w| A / sqrt(2), acceleration A w^2."""
     tool = machine.tool
     amplitude_m = lobe_um * 1e-6
-    omega = 2 * math.pi * job.lobe_frequency_hz
-    force_n = amplitude_m * omega * math.hypot(tool.moving_mass_kg * omega, tool.damping_n_s_per_m) / math.sqrt(2)
-    acceleration = amplitude_m * omega**2
-    most = tool.encoder_max_acceleration_m_per_s2
+    most, rpm = tool.encoder_max_acceleration_m_per_s2, job.spindle_speed_rpm
+
+    def force_n(rpm: float) -> float:
+        omega = 2 * math.pi * job.jaws * rpm / 60
+        return amplitude_m * omega * math.hypot(tool.moving_mass_kg * omega, tool.damping_n_s_per_m) / math.sqrt(2)
+
+    def acceleration(rpm: float) -> float:
+        return amplitude_m * (2 * math.pi * job.jaws * rpm / 60) ** 2
+
     return (
-        _at_most("rule.tool_force", "lobe_error_um_pp", force_n, tool.continuous_force_n, f"N{place}"),
-        _at_most("rule.encoder_acceleration", "lobe_error_um_pp", acceleration, most, f"m/s2{place}"),
+        _at_speed("rule.tool_force", force_n, tool.continuous_force_n, f"N{place}", rpm),
+        _at_speed("rule.encoder_acceleration", acceleration, most, f"m/s2{place}", rpm),
     )
+
+
+def _at_speed(code: str, of_speed: Callable[[float], float], most: float, unit: str, rpm: float) -> Finding:
+    """Judge what grows with the speed; the limit of what is too much names the highest whole speed that passes."""
+    finding = _at_most(code, "lobe_error_um_pp", of_speed(rpm), most, unit)
+    if finding.severity is not Severity.REFUSAL:
+        return finding
+    slower = next((each for each in range(math.ceil(rpm) - 1, 0, -1) if of_speed(each) <= most), 0)
+    return replace(finding, problem=replace(finding.problem, limit=f"{finding.problem.limit} ({slower} rpm)"))
 
 
 def _at_most(

@@ -54,7 +54,7 @@ def trim_bounds(plan: CutPlan, job: Job, machine: MachineProfile, high_percent: 
 
 def _bears(plan: CutPlan, job: Job, machine: MachineProfile, gain_percent: int, speed_rpm: float) -> bool:
     factor, tool = 1.0 + gain_percent / 100.0, machine.tool
-    amplitude_um = factor * plan.target.amplitude_um
+    amplitude_um = factor * plan.target.largest_um
     if 1000.0 * job.depth_of_cut_mm <= amplitude_um:
         return False
     limits = envelope_row(machine, amplitude_um, job.jaws).rpm
@@ -83,11 +83,12 @@ def has_trim(program: ProgramText) -> bool:
     return GAIN_IN_PATH in find_assigned_variables(program)
 
 
-def trim_um(plan: CutPlan, trim: Trim, angle_deg: float) -> float:
-    """Return how much further in a trim has the tool at an angle of the spindle, um."""
+def trim_um(plan: CutPlan, trim: Trim, angle_deg: float, past_middle_mm: float = 0.0) -> float:
+    """Return how much further in a trim has the tool at an angle and past the middle of the cut, um."""
     if trim == UNTRIMMED:
         return 0.0
-    return float(trimmed_path(plan.target, trim).at_um(angle_deg) - plan.target.at_um(angle_deg))
+    there = angle_deg, past_middle_mm
+    return float(trimmed_path(plan.target, trim).at_um(*there) - plan.target.at_um(*there))
 
 
 def subtract_trim(snapshot: Snapshot, plan: CutPlan, machine: MachineProfile, trim: Trim) -> Snapshot:
@@ -95,7 +96,8 @@ def subtract_trim(snapshot: Snapshot, plan: CutPlan, machine: MachineProfile, tr
     if trim == UNTRIMMED:
         return snapshot
     angle_deg = 360.0 * snapshot.spindle.position / machine.spindle.counts_per_rev
-    counts = trim_um(plan, trim, angle_deg) / machine.tool.count_um
+    past = (snapshot.carriage.position - plan.setup.carriage_middle) / machine.carriage.counts_per_mm
+    counts = trim_um(plan, trim, angle_deg, past) / machine.tool.count_um
     tool = snapshot.tool
     return replace(snapshot, tool=replace(tool, position=tool.position - counts))
 

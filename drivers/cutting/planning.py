@@ -24,9 +24,9 @@ from profiles.axis.servo import sampled_response
 from profiles.compensations.learning import coefficient_of
 from profiles.compensations.path import AlongCut, CutPath, LobedPath, invert, path_problems, target_path
 from profiles.compensations.push import predicted_push_um
-from profiles.findings import Finding
+from profiles.findings import Finding, Severity
 from profiles.job import Job
-from profiles.lobe.along import along_cut, oval_over_ring
+from profiles.lobe.along import NO_MIDDLE, along_cut, along_findings, oval_over_ring
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, refusal_error
 
@@ -93,7 +93,8 @@ def plan_cut(
     Raises:
         ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `program.too_long`,
             `program.no_zero_row`, `program.not_turned`, `program.no_overtones`, `program.no_trim`), a path that is
-            none of this job (`path.harmonics`, `path.beyond`), its servo cannot be inverted
+            none of this job (`path.harmonics`, `path.beyond`), a lobe that nothing tells along the cut
+            (`rule.along_middle`), its servo cannot be inverted
             (`response.amplified`, `response.outside_band`, `response.too_sparse`), or the controller would refuse
             it (`program.refused`).
     """
@@ -102,15 +103,20 @@ def plan_cut(
         _refuse_untrimmed(machine, strategy)
     if path is not None:
         _refuse_beyond(path, job, machine, strategy)
+    if strategy.traits.inverts and not air_mm:
+        _refuse_unfollowed(job, machine)
     start = from_turn * machine.spindle.counts_per_rev + first_spindle_counts(job, machine, strategy)
-    command = _command(job, machine, strategy, path, response)
+    # In air the tool is on the path mid-cut throughout.
+    middle = AlongCut(half_length_mm=job.cut_length_mm / 2.0) if air_mm else AlongCut()
+    along = along_cut(job, machine) if strategy.traits.inverts and not air_mm else middle
+    command = _command(job, machine, strategy, path, response, along)
     target = target_path(job) if path is None else path.target
-    along = along_cut(job, machine) if strategy.traits.inverts else AlongCut()
     target, command = (
-        replace(target, along=along),
+        replace(target, along=along, axial=() if air_mm else target.axial),
         replace(
             command,
             along=along if path is None else _along_learned(along, path, job, machine, strategy),
+            axial=() if air_mm else command.axial,
             push_um=0.0 if air_mm else command.push_um,
         ),
     )
@@ -203,13 +209,18 @@ def nominal_command(
 
 
 def _command(
-    job: Job, machine: MachineProfile, strategy: Strategy, path: CutPath | None, response: ServoResponse | None
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy,
+    path: CutPath | None,
+    response: ServoResponse | None,
+    along: AlongCut,
 ) -> LobedPath:
     if not strategy.traits.inverts:
         return target_path(job) if path is None else path.target
     command = nominal_command(job, machine, strategy, response) if path is None else path.command
     if not strategy.traits.by_table:
-        _refuse_unsegmented(command, job, machine, strategy)
+        _refuse_unsegmented(replace(command, along=along), job, machine, strategy)
     # What was learned from a trace knows the lobe alone.
     return replace(command, push_um=command.push_um or predicted_push_um(job, machine))
 
@@ -219,15 +230,17 @@ def _along_learned(
 ) -> AlongCut:
     """Return the change along the cut of a learned command: what it has beside the inverse of its target stays.
 
-    That makes up for dry friction, which does not grow with the lobe; its part in phase with the command counts.
+    That makes up for dry friction, which does not grow with the lobe. Of a program of segments, whose lobe has one
+    phase, its part in phase with the command counts.
     """
-    orders = []
+    orders, even = [], []
     for order, powers in along.orders:
         target, command = (coefficient_of(each, order) for each in (path.target, path.command))
-        response = nominal_response(strategy, machine, order * job.spindle_speed_rpm / 60.0)
-        share = (target / (response * command)).real if response * command else 1.0
+        inverse = target / nominal_response(strategy, machine, order * job.spindle_speed_rpm / 60.0)
+        even.append((order, command - inverse))
+        share = 1.0 if strategy.traits.by_table or not command else (inverse / command).real
         orders.append((order, tuple(share * each for each in powers)))
-    return replace(along, orders=tuple(orders))
+    return replace(along, orders=tuple(orders), even=tuple(even) if strategy.traits.by_table else ())
 
 
 def _refuse_followed(machine: MachineProfile, strategy: Strategy) -> None:
@@ -275,18 +288,18 @@ def _refuse_unsegmented(command: LobedPath, job: Job, machine: MachineProfile, s
     if fits_whole_milliseconds(command, job.lobe_frequency_hz):
         return
     slower_rpm = math.floor(job.spindle_speed_rpm)
-    while slower_rpm > 1 and not _fits_at(job, machine, slower_rpm):
+    while slower_rpm > 1 and not _fits_at(job, machine, command.along, slower_rpm):
         slower_rpm -= 1
     value, limit = f"{job.spindle_speed_rpm:g} rpm", f"<= {slower_rpm} rpm"
     raise DriverError(Problem(code="program.too_fast", key="spindle_speed_rpm", value=value, limit=limit))
 
 
-def _fits_at(job: Job, machine: MachineProfile, speed_rpm: float) -> bool:
+def _fits_at(job: Job, machine: MachineProfile, along: AlongCut, speed_rpm: float) -> bool:
     frequency_hz = job.jaws * speed_rpm / 60.0
     response = complex(sampled_response(machine, frequency_hz))
     if abs(response) * AMPLIFICATION_LIMIT < 1.0:
         return False
-    return fits_whole_milliseconds(invert(target_path(job), response), frequency_hz)
+    return fits_whole_milliseconds(invert(replace(target_path(job), along=along), response), frequency_hz)
 
 
 def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: Strategy) -> None:
@@ -300,6 +313,13 @@ def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: S
         oval_over_ring(job, machine),
     )
     if problems:
+        raise DriverError(*problems)
+
+
+def _refuse_unfollowed(job: Job, machine: MachineProfile) -> None:
+    """Refuse to follow a lobe of which the middle of the cut does not tell how it changes along it."""
+    found = [each.problem for each in along_findings(job, machine) if each.severity is not Severity.OK]
+    if problems := [problem for problem in found if problem.code == NO_MIDDLE]:
         raise DriverError(*problems)
 
 

@@ -31,6 +31,7 @@ from profiles.problem import Problem, refusal_error
 
 PARTIAL_FRACTION = 0.5
 PLACES_ALONG = np.linspace(-1.0, 1.0, 41)  # of a cut, in half lengths past its middle
+TURNS_SIGN = 0.1  # factor of the amplitude at which what is even along the cut has seven tenths of its size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,11 +69,14 @@ class AlongCut:
 
     The amplitude of an order n of `orders` is 1 + c1 s + c2 s^2 + ... of that in the middle; other orders do not
     change. The mean is further in by m1 s + m2 s^2 + ... um. s is -1 where the cut begins, and 1 where it ends.
+    `even` is the c of Re(c exp(j n angle)), um, of which an order has only the sign of its factor: what makes up
+    for dry friction is as large for a small motion.
     """
 
     half_length_mm: float = 1.0
     orders: tuple[tuple[int, tuple[float, ...]], ...] = ()
     mean_um: tuple[float, ...] = ()
+    even: tuple[tuple[int, complex], ...] = ()
 
     def powers(self, order: int) -> tuple[float, ...]:
         """Return c1, c2, ... of an order."""
@@ -81,6 +85,12 @@ class AlongCut:
     def factor(self, order: int, past_middle_mm: ArrayLike) -> Floats:
         """Return the amplitude of an order over that in the middle, in the shape of `past_middle_mm`."""
         return floats(polyval(floats(past_middle_mm) / self.half_length_mm, (1.0, *self.powers(order))))
+
+    def beyond_um(self, order: int, angle_deg: ArrayLike, past_middle_mm: ArrayLike) -> Floats:
+        """Return what an order has more than its factor of that in the middle, at angles and places."""
+        factor, even = self.factor(order, past_middle_mm), dict(self.even).get(order, 0j)
+        sign = factor * math.hypot(1.0, TURNS_SIGN) / np.hypot(factor, TURNS_SIGN)
+        return floats((sign - factor) * (even * np.exp(1j * order * np.radians(floats(angle_deg)))).real)
 
     def further_um(self, past_middle_mm: ArrayLike) -> Floats:
         """Return by how much the mean is further in than in the middle, in the shape of `past_middle_mm`."""
@@ -163,6 +173,7 @@ class LobedPath:
         path_um = self.mean_um + self.along.further_um(past_middle_mm)
         for harmonic in self.harmonics:
             path_um = path_um + self.along.factor(harmonic.lobes, past_middle_mm) * harmonic.at_um(angle_deg)
+            path_um = path_um + self.along.beyond_um(harmonic.lobes, angle_deg, past_middle_mm)
         s = floats(past_middle_mm) / self.along.half_length_mm
         for term in self.axial:
             turning = np.exp(1j * term.lobes * np.radians(floats(angle_deg)))

@@ -5,8 +5,11 @@ The job states the lobe in the middle of the cut; along it each order has the sh
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -15,15 +18,30 @@ from profiles.arrays import Floats, floats, read_only
 from profiles.chucking.held_part import HeldPart, held_part
 from profiles.chucking.tube import axial_fraction
 from profiles.compensations.path import OVAL, AlongCut
+from profiles.findings import Finding, Severity, judge_condition
 from profiles.job import Job
 from profiles.lobe.cut_error import LEAST_AXIAL_FRACTION, middle_mm
 from profiles.machine import ONE_LOBE, MachineProfile
-from profiles.problem import ProfileError
+from profiles.problem import Problem, ProfileError
 
-PLACES = 7
+PLACES = 13  # twice as many as a polynomial passes through, so that they show what it leaves between
 MOST_DEGREE = 6
 FIT_UM = 0.05  # by which a polynomial may be off the model
+NO_MIDDLE = "rule.along_middle"
+MIDDLE_MARGIN = 1.1  # of another length of the cut, whose wall becomes thinner elsewhere
 _POINTS = 48
+
+
+class _AlongFit(NamedTuple):
+    """The change along the cut, and by how much, um, it is off the model.
+
+    `in_middle` and `largest` are the lobe mid-cut, and where in the cut it is largest, over that at the jaws.
+    """
+
+    along: AlongCut
+    left_um: float = 0.0
+    in_middle: float = 1.0
+    largest: float = 1.0
 
 
 def along_cut(job: Job, machine: MachineProfile) -> AlongCut:
@@ -34,25 +52,77 @@ def along_cut(job: Job, machine: MachineProfile) -> AlongCut:
     """
     part = _changing(job, machine)
     if part is not None:
-        return _follow(part)
+        return _follow(part).along
     return AlongCut(half_length_mm=job.cut_length_mm / 2.0) if job.cut_length_mm > 0.0 else AlongCut()
 
 
 @lru_cache(maxsize=16)
-def _follow(part: HeldPart) -> AlongCut:
+def _follow(part: HeldPart) -> _AlongFit:
     """Return the change of the lobe and the mean of a part along its cut."""
     job = part.job
     half_mm = job.cut_length_mm / 2.0
     s = chebyshev.chebpts2(PLACES)
     at_mm = middle_mm(job) - half_mm * s
-    lobe_um, size_um = _along(part, (*at_mm.tolist(), 0.0))
-    middle_um, at_jaws_um = lobe_um[PLACES // 2], lobe_um[-1]
+    lobe_um, size_um = along_um(part, (*at_mm.tolist(), 0.0))
+    middle_um, at_jaws_um = lobe_um[PLACES // 2], max(abs(float(lobe_um[-1])), 1e-12)
+    mean_um, left_um = _powers(s, size_um[:-1], FIT_UM)
+    in_middle, largest = (float(np.abs(each).max()) / at_jaws_um for each in (middle_um, lobe_um[:-1]))
     orders: tuple[tuple[int, tuple[float, ...]], ...] = ()
-    if job.lobe_amplitude_um > 0.0 and abs(middle_um) >= LEAST_AXIAL_FRACTION * abs(at_jaws_um):
-        powers = _powers(s, lobe_um[:-1] / middle_um, FIT_UM / job.lobe_amplitude_um)
-        orders = ((job.jaws, tuple((powers[1:] / powers[0]).tolist())),)
-    mean_um = _powers(s, size_um[:-1], FIT_UM)[1:]
-    return AlongCut(half_length_mm=half_mm, orders=orders, mean_um=tuple(mean_um.tolist()))
+    if job.lobe_amplitude_um > 0.0 and in_middle >= LEAST_AXIAL_FRACTION:
+        powers, left = _powers(s, lobe_um[:-1] / middle_um, FIT_UM / job.lobe_amplitude_um)
+        orders, left_um = ((job.jaws, powers),), max(left_um, left * job.lobe_amplitude_um)
+    along = AlongCut(half_length_mm=half_mm, orders=orders, mean_um=mean_um)
+    return _AlongFit(along, left_um, in_middle, largest)
+
+
+def along_findings(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+    """Return why a compensation cannot follow the lobe along the cut, or by how much it does not.
+
+    Of `rule.along_middle`, a lobe that is nearly none mid-cut alone, only a plain cut can be planned: what was
+    found there does not tell the rest. `rule.along_degree` is what the polynomial leaves. Both are warnings, and
+    name the nearest lengths of the cut that pass.
+    """
+    part, key = _changing(job, machine), "cut_length_mm"
+    if part is None or not job.lobe_amplitude_um:
+        return ()
+    found = _follow(part)
+    if found.in_middle < LEAST_AXIAL_FRACTION <= found.largest:
+        value, limit = f"{100.0 * found.in_middle:.2g} %", f">= {100.0 * LEAST_AXIAL_FRACTION:g} %"
+        middle = Problem(code=NO_MIDDLE, key=key, value=value, limit=limit)
+        middle = _with_lengths(middle, _with_a_middle_mm(part, machine))
+        return (judge_condition(False, middle, Severity.WARNING),)
+    if found.left_um <= FIT_UM:
+        return ()
+    value, limit = f"{found.left_um:.2g} um", f"<= {FIT_UM:g} um"
+    degree = Problem(code="rule.along_degree", key=key, value=value, limit=limit)
+    return (judge_condition(False, _with_lengths(degree, _fitted_mm(job, machine)), Severity.WARNING),)
+
+
+def _with_lengths(problem: Problem, lengths_mm: Iterable[int]) -> Problem:
+    """Return the problem with the nearest lengths of the cut that have none of this kind."""
+    lengths = " / ".join(f"{mm} mm" for mm in lengths_mm)
+    return replace(problem, limit=f"{problem.limit} ({lengths})" if lengths else problem.limit)
+
+
+def _with_a_middle_mm(part: HeldPart, machine: MachineProfile) -> Iterator[int]:
+    """Return the next shorter and the next longer cut, whole mm, whose middle has a lobe of this part."""
+    job = part.job
+    lengths_mm = np.arange(1, int(job.overhang_mm - machine.carriage.jaw_clearance_mm) + 1)
+    lobe_um = np.abs(along_um(part, (*(job.overhang_mm - lengths_mm / 2.0).tolist(), 0.0))[0])
+    passing = lengths_mm[lobe_um[:-1] >= MIDDLE_MARGIN * LEAST_AXIAL_FRACTION * lobe_um[-1]]
+    yield from passing[passing < job.cut_length_mm][-1:].tolist()
+    yield from passing[passing > job.cut_length_mm][:1].tolist()
+
+
+def _fitted_mm(job: Job, machine: MachineProfile) -> Iterator[int]:
+    """Return the longest shorter cut, whole mm, that the polynomial follows, by bisection."""
+    follows, beyond = 0, math.ceil(job.cut_length_mm)
+    while beyond - follows > 1:
+        between = (follows + beyond) // 2
+        found = _follow(held_part(replace(job, cut_length_mm=float(between)), machine))
+        follows, beyond = (between, beyond) if found.left_um <= FIT_UM else (follows, between)
+    if follows:
+        yield follows
 
 
 def shape_along(job: Job, machine: MachineProfile, z_mm: Floats) -> tuple[Floats, Floats]:
@@ -63,7 +133,7 @@ def shape_along(job: Job, machine: MachineProfile, z_mm: Floats) -> tuple[Floats
     part = _changing(job, machine)
     if part is None:
         return np.ones_like(z_mm), np.zeros_like(z_mm)
-    lobe_um, size_um = _along(part, (*z_mm.tolist(), middle_mm(job), 0.0))
+    lobe_um, size_um = along_um(part, (*z_mm.tolist(), middle_mm(job), 0.0))
     middle_um, at_jaws_um = lobe_um[-2:]
     scaled = job.lobe_amplitude_um > 0.0 and abs(middle_um) >= LEAST_AXIAL_FRACTION * abs(at_jaws_um)
     factor = lobe_um[:-2] / middle_um if scaled else np.ones_like(z_mm)
@@ -132,7 +202,7 @@ def _changing(job: Job, machine: MachineProfile) -> HeldPart | None:
 
 
 @lru_cache(maxsize=16)
-def _along(part: HeldPart, z_mm: tuple[float, ...]) -> tuple[Floats, Floats]:
+def along_um(part: HeldPart, z_mm: tuple[float, ...]) -> tuple[Floats, Floats]:
     """Return the amplitude of order N, and the excess of the radius, um, at places of a part."""
     jaws, z = part.job.jaws, floats(z_mm)
     angle_deg = floats(np.arange(_POINTS) * (360.0 / jaws / _POINTS))
@@ -141,10 +211,16 @@ def _along(part: HeldPart, z_mm: tuple[float, ...]) -> tuple[Floats, Floats]:
     return read_only(lobe_um), read_only(part.size_um(z))
 
 
-def _powers(s: Floats, values: Floats, most_off: float) -> Floats:
-    """Return the coefficients, from that of 1 on, of the polynomial of least degree that is near enough."""
+def _powers(s: Floats, values: Floats, most_off: float) -> tuple[tuple[float, ...], float]:
+    """Return c1, c2, ... of the polynomial of least degree that is near enough to the change from the middle.
+
+    And by how much it is off; that of `MOST_DEGREE` may be further off than `most_off`.
+    """
+    change = values - values[PLACES // 2]
     for degree in range(1, MOST_DEGREE + 1):
-        found = chebyshev.Chebyshev.fit(s, values, degree, domain=[-1.0, 1.0])
-        if degree == MOST_DEGREE or float(np.abs(found(s) - values).max()) <= most_off:
+        columns = s[:, None] ** np.arange(1, degree + 1)
+        found = np.linalg.lstsq(columns, change)[0]
+        off = float(np.abs(columns @ found - change).max())
+        if off <= most_off:
             break
-    return floats(found.convert(kind=np.polynomial.Polynomial).coef)
+    return tuple(found.tolist()), off

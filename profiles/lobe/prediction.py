@@ -41,6 +41,11 @@ _OF_PREDICTION = (
     "rule.clamp_scatter",
     "rule.clamp_span",
     "rule.chatter_width",
+    "rule.depth_under_lobe",
+    "rule.tool_force",
+    "rule.encoder_acceleration",
+    "rule.along_middle",
+    "rule.along_degree",
 )
 
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from drivers.cutting.planning import plan_cut
+from drivers.cutting.strategy import Strategy
 from profiles.compensations.path import AlongCut
+from profiles.findings import Finding, Severity
 from profiles.job import Job
 from profiles.lobe.along import along_cut, holding_spread, oval_over_ring
 from profiles.lobe.prediction import predict
+from profiles.problem import ProblemError
+from profiles.rules import check
 from profiles.store import load_job, load_machine
 
 LATHE = load_machine("lee-2001-lathe").machine
@@ -49,6 +55,69 @@ def test_there_is_no_change_where_nothing_is_known_of_it() -> None:
     changes = replace(ONE, overhang_mm=54.0)
     assert along_cut(changes, LATHE).orders == ()
     assert along_cut(changes, LATHE).mean_um != ()
+
+
+LONG = replace(
+    ONE,
+    overhang_mm=60.0,
+    cut_length_mm=56.0,
+    depth_of_cut_mm=0.2,
+    lobe_error_um_pp=33.0,
+    lobe_error_source="model",
+)
+
+
+def found(job: Job, code: str) -> Finding:
+    (told,) = [each for each in check(job, LATHE) if each.problem.code == code]
+    return told
+
+
+def broken(job: Job) -> list[str]:
+    return [each.problem.code for each in check(job, LATHE) if each.severity is not Severity.OK]
+
+
+def test_a_cut_whose_middle_has_no_lobe_is_told_with_the_lengths_that_pass_and_cannot_be_compensated() -> None:
+    """Mid-cut the lobe of 18 mm at the end of 60 is at its change of sign: only a plain cut can be planned."""
+    middle = replace(LONG, cut_length_mm=18.0)
+    told = found(middle, "rule.along_middle")
+    assert told.severity is Severity.WARNING
+    lengths = [float(each) for each in re.findall(r"(\d+) mm", told.problem.limit)]
+    assert len(lengths) == 2 and lengths[0] < 18.0 < lengths[1]
+    for length_mm in lengths:
+        passes = replace(middle, cut_length_mm=length_mm)
+        assert "rule.along_middle" not in broken(passes)
+        assert along_cut(passes, LATHE).orders != ()
+    plan_cut(middle, LATHE, Strategy.NONE)
+    for strategy in (Strategy.CAM, Strategy.PVT):
+        with pytest.raises(ProblemError) as refused:
+            plan_cut(middle, LATHE, strategy)
+        assert refused.value.problems[0] == told.problem
+
+
+def test_what_the_polynomial_leaves_is_told_in_um_with_a_length_that_passes() -> None:
+    """By the model itself between the places of the fit, over the whole cut of 56 mm."""
+    told = found(LONG, "rule.along_degree")
+    assert told.severity is Severity.WARNING
+    along, past_mm = along_cut(LONG, LATHE), np.linspace(-0.5, 0.5, 29) * LONG.cut_length_mm
+    model = predict(LONG, LATHE, z_mm=LONG.overhang_mm - LONG.cut_length_mm / 2.0 - past_mm)
+    assert told in model.findings
+    turns = np.exp(-1j * LONG.jaws * np.radians(model.angle_deg - LONG.jaw_1_deg))
+    lobes = 2.0 * np.mean(model.error_um * turns, axis=1).real
+    off_um = LONG.lobe_amplitude_um * np.abs(along.factor(3, past_mm) - lobes / lobes[14])
+    assert float(told.problem.value.removesuffix(" um")) == pytest.approx(off_um.max(), rel=0.5)
+    (length,) = re.findall(r"\((\d+) mm\)", told.problem.limit)
+    assert "rule.along_degree" not in broken(replace(LONG, cut_length_mm=float(length)))
+
+
+def test_the_rules_judge_the_lobe_where_along_the_cut_it_is_largest() -> None:
+    """4.8 times mid-cut at the jaws' side: a depth of 0.06 mm holds 16.5 um, and not 80."""
+    assert found(replace(LONG, depth_of_cut_mm=0.06), "rule.depth_under_lobe").severity is Severity.REFUSAL
+    fast = replace(LONG, lobe_error_um_pp=80.0, chucking_force_n=6500.0, spindle_speed_rpm=2800.0)
+    limit = found(fast, "rule.tool_force").problem.limit
+    (rpm,) = re.findall(r"\((\d+) rpm\)", limit)
+    assert found(replace(fast, spindle_speed_rpm=float(rpm)), "rule.tool_force").severity is Severity.OK
+    over = replace(fast, spindle_speed_rpm=float(rpm) + 1.0)
+    assert found(over, "rule.tool_force").severity is Severity.REFUSAL
 
 
 def test_an_oval_decays_more_slowly_than_the_lobe() -> None:

@@ -408,7 +408,8 @@ class CutTracker:
             self._reached_mm = max(self._reached_mm, self._past_face_mm(snapshot))
             self._errors.append((angle_deg % 360.0, error_um))
             self._infeeds.append((angle_deg, infeed_um))
-            self._untrimmed.append((angle_deg, infeed_um - trim_um(self._plan, self._adjusted.applied, angle_deg)))
+            trimmed_um = trim_um(self._plan, self._adjusted.applied, angle_deg, past_mm)
+            self._untrimmed.append((angle_deg, infeed_um - trimmed_um))
             if AxisName.SPINDLE in snapshot.driven:
                 self._turning.append((snapshot.spindle.position, snapshot.spindle.following_error))
             self._peak_um = max(self._peak_um, abs(error_um))

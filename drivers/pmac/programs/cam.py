@@ -151,6 +151,8 @@ def _corners_um(command: LobedPath, columns: int, past_mm: float, row_mm: float)
     for order, powers in command.powers_um().items():
         scale = chord_scale(columns / order) if order else 1.0
         corners += scale * np.real(_on_rows(powers, s, row) * np.exp(1j * order * angle))
+        if order:
+            corners += scale * command.along.beyond_um(order, np.degrees(angle), past_mm)
     return corners
 
 
