@@ -22,7 +22,9 @@ from console.session.station.commands import Arm, ConfirmClamping, DisableDrives
 from console.session.station.state import MeasuredPart
 from console.session.work import edit_field, open_work
 from console.text.catalogue import load
+from console.tui.calibration.chuck_facts import CalibrationStatus, kept_facts, kept_list
 from drivers.cutting.planning import Strategy
+from drivers.simulator.plant.presets import plant_named
 from profiles.lobe.lobe_origin import with_modelled_lobe, without_lobe
 from profiles.problem import ProblemError, ProfileError
 from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, load_machine, save_job
@@ -343,3 +345,47 @@ def test_a_part_of_an_edited_job_gives_none_a_lobe(shop: Shop) -> None:
     assert [problem.code for problem in edited.reasons] == ["learned.edited_part"]
     unplaced = lobe_of(part.trace, part.job, part.lobe, phase_known=True, simulated=False)
     assert [problem.code for problem in unplaced.reasons] == ["lobe.simulated"]
+
+
+def sections_file(tmp_path: Path, stiffness: float, *head: str, past_mm: tuple[float, ...] = (3.2, -3.2)) -> Path:
+    """Write sections of the simulated shell in jaws of a stiffness, as an uncompensated part has them."""
+    job, lathe = load_job(JOB).job, load_machine("lee-2001-lathe").machine
+    blank = replace(plant_named("realistic", lathe, 1, None), jaw_stiffness=stiffness).blank(job)
+    angle, noise = np.arange(360.0), np.random.default_rng(4)
+    rows = ["angle_deg,deviation_um,z_mm"]
+    for past in past_mm:
+        surface_um = blank.spring_back_um(angle, blank.middle_mm + past) + noise.normal(0.0, 0.1, 360)
+        rows += [f"{a:g},{d:.4f},{26.0 - past:g}" for a, d in zip(angle, surface_um, strict=True)]
+    path = tmp_path / "sections.csv"
+    path.write_text("\n".join([*head, *rows]), encoding="utf-8")
+    return path
+
+
+def test_sections_of_a_plain_part_tell_how_the_jaws_hold_and_every_job_uses_it(
+    console: Console, tmp_path: Path, data_folder: Path
+) -> None:
+    """Jaws that give way, 3 times as stiff as the wall: the free end keeps far less of the lobe than assumed."""
+    path = sections_file(tmp_path, 3.0, "# state: free")
+    before = json.loads(console("predict", JOB, "--json").out)["ends_of_cut"]["profile"]
+    shown = console("calibrate", "jaws", str(path), "--job", JOB)
+    assert shown.code == 0 and "jaw_straight_fraction" in shown.out and "22.8 … 29.2 mm" in shown.out
+    assert json.loads(console("predict", JOB, "--json").out)["ends_of_cut"]["profile"] == before
+    kept = json.loads(console("calibrate", "jaws", str(path), "--job", JOB, "--keep", "--json").out)
+    assert Path(kept["kept"]).is_relative_to(data_folder)
+    assert 0.1 < kept["found"]["profile"]["jaw_straight_fraction"] < 0.4 and 0.0 < kept["found"]["sd"] < 0.05
+    (row,) = kept_list(Path(kept["kept"]).parents[2], load_machine("lee-2001-lathe"), "hold")
+    facts = kept_facts(row)
+    assert row.standing is CalibrationStatus.NEXT_START and facts.values == kept["found"]["profile"]
+    assert facts.hold is not None and facts.hold.sections == 2 and not facts.problems
+    after = json.loads(console("predict", JOB, "--json").out)["ends_of_cut"]["profile"]
+    assert after[1] < before[1] - 0.2 and after[0] > before[0] + 0.1
+
+
+def test_sections_that_are_none_of_a_plain_part_or_too_close_are_refused(console: Console, tmp_path: Path) -> None:
+    cut = sections_file(tmp_path, 3.0, "# state: free", "# strategy: cam")
+    assert console("calibrate", "jaws", str(cut), "--job", JOB).code != 0
+    close = sections_file(tmp_path, 3.0, "# state: free", past_mm=(0.02, -0.02))
+    refused = console("calibrate", "jaws", str(close), "--job", JOB, "--keep")
+    assert refused.code != 0 and "± 0.15" in refused.err and "25.98, 26.02 mm" in refused.err
+    one = sections_file(tmp_path, 3.0, "# state: free", past_mm=(0.0,))
+    assert console("calibrate", "jaws", str(one), "--job", JOB, "--lang", "ko").code != 0

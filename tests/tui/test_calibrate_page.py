@@ -172,7 +172,7 @@ async def test_before_the_first_point_nothing_is_wrong_nothing_is_left_and_empty
         assert "None is stored" in stage.words and stage.field() == FieldKind.NONE
         await stage.act_on("calibrate.keep")
         assert stage.codes == ["screen.calibrate_nothing"] and kept_files(tmp_path) == []
-        await stage.act_on("calibrate.kind", "calibrate.kind", "calibrate.view")
+        await stage.act_on("calibrate.kind", "calibrate.kind", "calibrate.kind", "calibrate.view")
         for units in ("N over N m", "um: measured over fitted", "No plot"):
             assert units in stage.text
             await stage.act("calibrate.kind")

@@ -14,8 +14,8 @@ KINDS = ("wrench", "deflection")
 
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the kinds of calibration."""
-    actions = add_actions(parser, "calibrate", ("chuck", "lobe"), text)
-    chuck, lobe = actions["chuck"], actions["lobe"]
+    actions = add_actions(parser, "calibrate", ("chuck", "jaws", "lobe"), text)
+    chuck, jaws, lobe = actions["chuck"], actions["jaws"], actions["lobe"]
     chuck.add_argument("file", metavar="FILE.csv", help=text("help.calibrate.table"))
     add_shared(chuck, text, "machine")
     chuck.add_argument("--kind", choices=KINDS, help=text("help.calibrate.kind"))
@@ -23,6 +23,12 @@ def add(parser: Parser, text: Catalogue) -> None:
     chuck.add_argument("--torque", metavar="NM", type=number, help=text("help.calibrate.torque"))
     chuck.add_argument("--force", metavar="N", type=number, help=text("help.calibrate.force"))
     chuck.add_argument("--keep", action="store_true", help=text("help.calibrate.chuck.keep"))
+    jaws.add_argument("file", metavar="FILE.csv", help=text("help.file"))
+    jaws.add_argument("others", metavar="SECTION.csv", nargs="*", help=text("help.sections"))
+    jaws.add_argument("--job", metavar="JOB", required=True, help=text("help.job"))
+    add_shared(jaws, text, "machine")
+    jaws.add_argument("--keep", action="store_true", help=text("help.calibrate.chuck.keep"))
+    add_shared(jaws, text, "sim", command="calibrate.lobe")
     for each in (chuck, lobe):
         each.add_argument("--confirm", metavar="NUMBER", type=number, help=text("help.calibrate.confirm"))
     lobe.add_argument("file", metavar="TRACE", help=text("help.calibrate.trace"))
@@ -40,6 +46,10 @@ def main(options: Namespace, text: Catalogue) -> int:
         from console.cli.measured.calibrate_chuck import calibrate_chuck
 
         return calibrate_chuck(options, text)
+    if options.action == "jaws":
+        from console.cli.measured.calibrate_chuck import calibrate_jaws
+
+        return calibrate_jaws(options, text)
     from console.cli.measured.calibrate_lobe import calibrate_lobe
 
     return calibrate_lobe(options, text)

@@ -1,15 +1,20 @@
-"""`console calibrate chuck`: force by torque, or the stiffness of the jaws, from a table of measurements."""
+"""`console calibrate chuck` and `calibrate jaws`: force by torque or the stiffness of the jaws, from a table.
+
+And how straight the jaws hold, from sections of a part that was cut without compensation.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from argparse import Namespace
 from dataclasses import asdict
 from pathlib import Path
 
-from console.cli.library import DEFAULT_MACHINE, data_of, machine_of, naming
+from console.cli.library import DEFAULT_MACHINE, SIM_OPTION, data_of, job_of, machine_of, naming
 from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import large_step
 from console.session.data.calibrations import Calibration, date_problems, newest
+from console.session.errors import refuse
 from console.session.learning.chuck_calibrating import (
     chuck_calibration,
     fit_chuck_table,
@@ -20,11 +25,16 @@ from console.session.learning.chuck_calibrating import (
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.deflection import DeflectionFit
+from profiles.calibration.lobe import find_lobe
 from profiles.calibration.table import CalibrationKind, MeasuredTable, read_table
 from profiles.calibration.wrench import ConfidenceInterval, WrenchFit
-from profiles.files import printable
-from profiles.problem import Problem, ProfileError
+from profiles.files import printable, read_regular_file
+from profiles.lobe.jaw_fit import SectionLobe, fit_straight_fraction
+from profiles.problem import Problem, ProfileError, refusal_error
+from profiles.trace_files.sections import HEIGHT, read_sections
+from profiles.traces import CAP_BYTES
 
+OF_PHASE = ("lobe.phase_unknown", "lobe.not_significant")  # a section may be where the lobe changes its sign
 Rows = list[tuple[str, ...]]
 
 
@@ -55,6 +65,39 @@ def calibrate_chuck(options: Namespace, text: Catalogue) -> int:
         options,
         lambda: {**asdict(calibration), "asked": bands, "kept": kept, "warnings": warnings},
         lambda: [head, *table(rows, numeric=(1,)), *_end(found, before and before[1], kept, text)],
+    )
+    return 0
+
+
+def calibrate_jaws(options: Namespace, text: Catalogue) -> int:
+    """Fit how the jaws of a machine hold to the sections of a plain part."""
+    files = (options.file, *options.others)
+    loaded, job, data = machine_of(options, SIM_OPTION), job_of(options).job, data_of(options)
+    where, lobes = printable(", ".join(files)), []
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(read_regular_file(Path(file), cap_bytes=CAP_BYTES, area="trace"))
+    with naming(where):
+        for section in read_sections([Path(file) for file in files]):
+            if section.z_mm is None:
+                raise refusal_error("trace.no_height", limit=f"# {HEIGHT}: Z")
+            found = find_lobe(section.trace, job, practice=options.sim)
+            refuse([each for each in found.reasons if each.code not in OF_PHASE])
+            lobe = found.fit.lobe
+            at = complex(lobe.cos_um, -lobe.sin_um)
+            lobes.append(SectionLobe(z_mm=section.z_mm, lobe_um=at, sd_um=lobe.sd_um))
+        fit = fit_straight_fraction(job, loaded.machine, lobes)
+    calibration = chuck_calibration(loaded, None, fit, where, digest.hexdigest())
+    kept = str(keep_chuck(data, calibration, loaded)) if options.keep else None
+    heights = f"{fit.lowest_mm:g} … {fit.highest_mm:g} mm"
+    rows = [(text("calibrate.straight"), f"{fit.fraction:.3f}", f"± {fit.sd:.2g}")]
+    if fit.sections > 2:
+        rows.append((text("calibrate.left"), f"{fit.left_um:.2f}", "um"))
+    head = text("calibrate.jaws_head", machine=loaded.machine.name, count=fit.sections, heights=heights)
+    show(
+        options,
+        lambda: {**asdict(calibration), "kept": kept},
+        lambda: [head, *table(rows, numeric=(1,)), *_end(profile_values(fit), None, kept, text)],
     )
     return 0
 

@@ -33,15 +33,18 @@ from profiles.strict_values import number, number_or_none, record
 if TYPE_CHECKING:
     from profiles.calibration.deflection import DeflectionFit
     from profiles.calibration.wrench import WrenchFit
+    from profiles.lobe.jaw_fit import StraightFit
 
-WRENCH, JAWS = "wrench", "deflection"
-"""The kinds of `profiles.calibration.table.CalibrationKind`, which loads numerics."""
+WRENCH, JAWS, HOLD = "wrench", "deflection", "hold"
+"""The kinds of `profiles.calibration.table.CalibrationKind`, which loads numerics; and how the jaws hold."""
 
 LINE = ("force_per_torque_n_per_n_m", "force_offset_n")
 OF_WRENCH = (*LINE, "force_sd_percent")
 OF_JAWS = ("jaw_stiffness_n_per_um", "jaw_contact_exponent", "jaw_length_mm")
 
-GIVES = {WRENCH: OF_WRENCH, JAWS: OF_JAWS}
+OF_HOLD = ("jaw_straight_fraction",)
+
+GIVES = {WRENCH: OF_WRENCH, JAWS: OF_JAWS, HOLD: OF_HOLD}
 """The keys of [chuck] that a calibration of each kind may give."""
 
 TYPED = "typed"  # under this name a calibration keeps the large step that was typed out
@@ -51,7 +54,7 @@ Variance = tuple[float, float, float]
 
 NO_VARIANCE: Variance = (0.0, 0.0, 0.0)
 
-_FOUND = (*OF_WRENCH, *OF_JAWS)
+_FOUND = (*OF_WRENCH, *OF_JAWS, *OF_HOLD)
 _FIELDS = {field.key: field for field in SECTIONS["chuck"]}
 
 
@@ -270,12 +273,14 @@ def _other_chuck(kept: Calibration, machine: MachineProfile) -> Problem:
     return Problem(code="calibration.other_chuck", where=kept.date, key="chuck.name", value=value, limit=limit)
 
 
-def fit_of(kept: Calibration, file: Path) -> DeflectionFit | WrenchFit:
+def fit_of(kept: Calibration, file: Path) -> DeflectionFit | WrenchFit | StraightFit:
     """Return the fit that a calibration of a chuck keeps. Raises ProfileError: `calibration.record`."""
     from profiles.calibration.deflection import DeflectionFit
     from profiles.calibration.wrench import WrenchFit
+    from profiles.lobe.jaw_fit import StraightFit
 
-    kind: type[DeflectionFit] | type[WrenchFit] = DeflectionFit if kept.kind == JAWS else WrenchFit
+    kinds: dict[str, type[DeflectionFit | WrenchFit | StraightFit]] = {JAWS: DeflectionFit, HOLD: StraightFit}
+    kind = kinds.get(kept.kind, WrenchFit)
     try:
         return record(kind, {f.name: kept.found[f.name] for f in fields(kind) if f.name in kept.found})
     except (KeyError, TypeError, ValueError, ArithmeticError) as error:
@@ -284,11 +289,11 @@ def fit_of(kept: Calibration, file: Path) -> DeflectionFit | WrenchFit:
 
 def _contradictions(kept: Calibration, stated: Mapping[str, float | None], file: Path) -> list[Problem]:
     """Return `calibration.differs` for each key of [chuck] whose profile value a calibration contradicts."""
-    from profiles.calibration.deflection import DeflectionFit
+    from profiles.calibration.wrench import WrenchFit
 
     fit = fit_of(kept, file)
     try:
-        differ = _jaws_differ(fit, stated) if isinstance(fit, DeflectionFit) else _line_differs(fit, stated)
+        differ = _line_differs(fit, stated) if isinstance(fit, WrenchFit) else _jaws_differ(fit, stated)
         return [
             Problem(code="calibration.differs", where=kept.date, key=f"chuck.{key}", value=value, limit=limit)
             for key, value, limit in differ
@@ -311,13 +316,20 @@ def _line_differs(line: WrenchFit, stated: Mapping[str, float | None]) -> Iterat
             return
 
 
-def _jaws_differ(fit: DeflectionFit, stated: Mapping[str, float | None]) -> Iterator[tuple[str, str, str]]:
+def _jaws_differ(
+    fit: DeflectionFit | StraightFit, stated: Mapping[str, float | None]
+) -> Iterator[tuple[str, str, str]]:
     """Compare each key that is stated with its half-width."""
-    found = {
-        "jaw_stiffness_n_per_um": (fit.stiffness_n_per_um, fit.stiffness_ci),
-        "jaw_contact_exponent": (fit.alpha, fit.alpha_ci),
-        "jaw_length_mm": (fit.jaw_length_mm, fit.jaw_length_ci),
-    }
+    from profiles.calibration.deflection import DeflectionFit
+
+    if isinstance(fit, DeflectionFit):
+        found = {
+            "jaw_stiffness_n_per_um": (fit.stiffness_n_per_um, fit.stiffness_ci),
+            "jaw_contact_exponent": (fit.alpha, fit.alpha_ci),
+            "jaw_length_mm": (fit.jaw_length_mm, fit.jaw_length_ci),
+        }
+    else:
+        found = {OF_HOLD[0]: (fit.fraction, 2.0 * fit.sd)}
     for key, said in stated.items():
         value, half = found[key]
         if said is not None and abs(said - value) > half:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from console.session.data.calibrated_chuck import TYPED, large_step, refuse_unusable
+from console.session.data.calibrated_chuck import HOLD, OF_HOLD, TYPED, large_step, refuse_unusable
 from console.session.data.calibrations import Calibration, store
 from console.session.data.kept_files import utc_now
 from console.session.typed_number import plain_number
@@ -16,12 +16,14 @@ from profiles.calibration.plausible import refuse_untyped
 from profiles.calibration.table import CalibrationKind, MeasuredTable
 from profiles.calibration.wrench import WrenchFit, fit_wrench
 from profiles.files import printable
+from profiles.lobe.jaw_fit import StraightFit
 from profiles.machine import MachineProfile
 from profiles.materials import material_named
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedMachine
 
-ChuckFit = WrenchFit | DeflectionFit
+TableFit = WrenchFit | DeflectionFit
+ChuckFit = TableFit | StraightFit
 
 WIDE_SLOPE = 0.10
 """Relative half-width of a slope above which the torque for a force is too uncertain to set by."""
@@ -30,7 +32,7 @@ NO_SCATTER = 1e-6
 """Scatter in % of the force, below which there is nothing but rounding."""
 
 
-def fit_chuck_table(measured: MeasuredTable, machine: MachineProfile, *, affine: bool = False) -> ChuckFit:
+def fit_chuck_table(measured: MeasuredTable, machine: MachineProfile, *, affine: bool = False) -> TableFit:
     """Fit a table. Raises ProfileError: `calibration.*`, why it cannot be."""
     columns, meta = measured.columns, measured.meta
     if measured.kind is CalibrationKind.WRENCH:
@@ -64,15 +66,20 @@ def stated_number(meta: Mapping[str, str], key: str) -> float | None:
     return value
 
 
-def chuck_calibration(loaded: LoadedMachine, measured: MeasuredTable, fit: ChuckFit, file: str) -> Calibration:
-    """Return the calibration of a machine's chuck as it is kept, dated now; `file` is that of the measurements."""
+def chuck_calibration(
+    loaded: LoadedMachine, measured: MeasuredTable | None, fit: ChuckFit, file: str, sha256: str = ""
+) -> Calibration:
+    """Return the calibration of a machine's chuck as it is kept, dated now; `file` is that of the measurements.
+
+    Sections of a part are no `measured` table; they have the hash `sha256`.
+    """
     return Calibration(
-        kind=measured.kind,
+        kind=HOLD if measured is None else measured.kind,
         subject=loaded.machine.name,
         subject_sha256=loaded.sha256,
         date=utc_now(),
         file=file,
-        file_sha256=measured.sha256,
+        file_sha256=sha256 if measured is None else measured.sha256,
         found={**asdict(fit), "profile": profile_values(fit)},
         chuck=loaded.machine.chuck.name,
     )
@@ -93,6 +100,8 @@ def keep_chuck(data: Path, calibration: Calibration, loaded: LoadedMachine, type
 
 def profile_values(fit: ChuckFit) -> dict[str, float]:
     """Return the keys of [chuck] in a machine profile that this calibration determines."""
+    if isinstance(fit, StraightFit):
+        return {OF_HOLD[0]: fit.fraction}
     if isinstance(fit, DeflectionFit):
         found = {"jaw_stiffness_n_per_um": fit.stiffness_n_per_um, "jaw_contact_exponent": fit.alpha}
         return found | ({"jaw_length_mm": fit.jaw_length_mm} if fit.jaw_length_ci else {})
@@ -104,7 +113,7 @@ def profile_values(fit: ChuckFit) -> dict[str, float]:
     return found
 
 
-def fit_warnings(fit: ChuckFit, measured: MeasuredTable, where: str) -> list[Problem]:
+def fit_warnings(fit: TableFit, measured: MeasuredTable, where: str) -> list[Problem]:
     """Return what speaks against a fit; `where` names the measurements."""
     found = [
         Problem(code="calibration.outlier", where=f"{where}:{measured.lines[place]}") for place in fit.outliers

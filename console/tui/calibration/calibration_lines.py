@@ -74,9 +74,9 @@ def fit_lines(facts: ChuckFacts, kept: KeptCalibration | None, text: Catalogue, 
 
 
 def _fit_rows(facts: ChuckFacts, text: Catalogue) -> list[tuple[str, str]]:
-    fit = facts.fit
+    fit, hold = facts.fit, facts.hold
     if fit is None:
-        return []
+        return [] if hold is None else [("straight", f"{hold.fraction:.2f} ± {hold.sd:.2g}")]
     if isinstance(fit, WrenchFit):
         rows = [("slope", f"{fit.slope_n_per_n_m:.2f} ± {fit.slope_ci:.2f} N/(N m)")]
         if fit.intercept_ci:

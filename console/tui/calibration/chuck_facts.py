@@ -19,9 +19,10 @@ from console.session.data.calibrated_chuck import (
 )
 from console.session.data.calibrations import FOLDER, Calibration, files_of, load
 from console.session.data.kept_files import file_error
-from console.session.learning.chuck_calibrating import ChuckFit, fit_chuck_table, fit_warnings, profile_values
+from console.session.learning.chuck_calibrating import TableFit, fit_chuck_table, fit_warnings, profile_values
 from console.tui.calibration.draft import Draft
 from profiles.calibration.table import MeasuredTable, read_table
+from profiles.lobe.jaw_fit import StraightFit
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedMachine, load_machine
@@ -34,15 +35,16 @@ MOST = 200
 class ChuckFacts:
     """A fit, or why there is none (`problems`). `measured` are its points, None where they cannot be had.
 
-    `lobe` are the kept numbers of a job's lobe.
+    `lobe` are the kept numbers of a job's lobe, `hold` is the fit to sections of a part.
     """
 
-    fit: ChuckFit | None = None
+    fit: TableFit | None = None
     measured: MeasuredTable | None = None
     values: dict[str, float] = field(default_factory=dict)
     warnings: tuple[Problem, ...] = ()
     problems: tuple[Problem, ...] = ()
     lobe: dict[str, Any] | None = None
+    hold: StraightFit | None = None
 
 
 def draft_facts(draft: Draft, machine: MachineProfile) -> ChuckFacts:
@@ -154,12 +156,15 @@ def kept_facts(row: KeptCalibration) -> ChuckFacts:
     if kept.kind == LOBE:
         return ChuckFacts(lobe=dict(kept.found))
     try:
-        return replace(_facts(fit_of(kept, row.file), _points(row)), problems=row.problems)
+        fit = fit_of(kept, row.file)
+        if isinstance(fit, StraightFit):
+            return ChuckFacts(hold=fit, values=profile_values(fit), problems=row.problems)
+        return replace(_facts(fit, _points(row)), problems=row.problems)
     except ProfileError as error:
         return ChuckFacts(problems=tuple(error.problems))
 
 
-def _facts(fit: ChuckFit, measured: MeasuredTable | None) -> ChuckFacts:
+def _facts(fit: TableFit, measured: MeasuredTable | None) -> ChuckFacts:
     warnings = () if measured is None else tuple(fit_warnings(fit, measured, ""))
     return ChuckFacts(fit=fit, measured=measured, values=profile_values(fit), warnings=warnings)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from textual.events import Resize
 from textual.geometry import Size
 
-from console.session.data.calibrated_chuck import large_step
+from console.session.data.calibrated_chuck import HOLD, large_step
 from console.session.learning.chuck_calibrating import chuck_calibration, keep_chuck
 from console.session.station.state import StationState
 from console.tui.calibration.calibration_lines import fit_lines
@@ -35,7 +35,8 @@ from profiles.calibration.table import CalibrationKind
 from profiles.fields import Field
 from profiles.problem import Problem, ProfileError
 
-KINDS = (CalibrationKind.WRENCH.value, CalibrationKind.DEFLECTION.value, LOBE)
+KINDS = (CalibrationKind.WRENCH.value, CalibrationKind.DEFLECTION.value, LOBE, HOLD)
+OF_PARTS = {LOBE: "screen.calibrate_lobe", HOLD: "screen.calibrate_hold"}  # no points are entered for these
 OF_DRAFT = ("calibrate.undo", "calibrate.drop", "calibrate.keep", "calibrate.offset")
 WRITES = ("calibrate.new", "calibrate.import", "calibrate.keep")
 STATISTICS = "scipy.stats"
@@ -107,8 +108,8 @@ class CalibratePage(Page):
             return (Problem(code="screen.calibrate_moving"),)
         if action in OF_DRAFT and self._draft is None and not (action == "calibrate.undo" and self._before):
             return (Problem(code="screen.calibrate_nothing"),)
-        if action in ("calibrate.new", *OF_DRAFT) and KINDS[self._kind] == LOBE:
-            return (Problem(code="screen.calibrate_lobe"),)
+        if action in ("calibrate.new", *OF_DRAFT) and KINDS[self._kind] in OF_PARTS:
+            return (Problem(code=OF_PARTS[KINDS[self._kind]]),)
         if action == "calibrate.offset" and KINDS[self._kind] != CalibrationKind.WRENCH:
             return (Problem(code="screen.calibrate_offset"),)
         return self._keep_reasons() if action == "calibrate.keep" else ()
@@ -169,8 +170,8 @@ class CalibratePage(Page):
             step = "path" if self._all.entry.asked is None else "value"
         elif self._draft_here is not None:
             step = "draft"
-        elif KINDS[self._kind] == LOBE:
-            step = "lobe"
+        elif KINDS[self._kind] in OF_PARTS:
+            step = KINDS[self._kind]
         else:
             step = "plots" if self.size.width < WIDE and not self._plots else "kept"
         return line((self.ui.text(f"calibrate_page.next.{step}"), Token.ACTION))
