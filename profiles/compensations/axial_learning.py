@@ -45,8 +45,10 @@ class AxialFit:
 NO_SECTIONS = AxialFit()
 
 
-def fit_axial(parts: Sequence[tuple[float, PartHarmonics]], along: AlongCut, orders: Iterable[int]) -> AxialFit:
-    """Return slope and curvature of these orders and of the mean.
+def fit_axial(
+    parts: Sequence[tuple[float, PartHarmonics]], along: AlongCut, orders: Iterable[int], *, sized: bool = True
+) -> AxialFit:
+    """Return slope and curvature of these orders and of the mean, if the sections are `sized`.
 
     `parts` are sections of a part, each with its s, anywhere along the cut; with fewer than two nothing is found.
     """
@@ -60,7 +62,7 @@ def fit_axial(parts: Sequence[tuple[float, PartHarmonics]], along: AlongCut, ord
     middle = solve[0]  # of an order, the value in the middle
     found: dict[Key, complex] = {}
     sd_um: dict[Key, float] = {}
-    for n in (MEAN, *orders):
+    for n in (*((MEAN,) if sized else ()), *orders):
         if n and not all(n in part.coefficients_um for _, part in parts):
             continue
         left = np.array([part.coefficients_um[n] if n else complex(part.mean_um) for _, part in parts])

@@ -119,6 +119,12 @@ def test_sections_close_to_each_other_teach_nothing_that_is_within_their_noise()
     assert not axial_steps(fit, path(), rules(), AxialHistory()).changes_um
 
 
+def test_of_sections_without_a_size_no_taper_is_learned() -> None:
+    """A gauge that levels each section by itself writes no mean: none is not the same as round to size."""
+    fit = fit_axial(sections(lambda angle, s: -2.0 * s + 0.0 * angle), KNOWN, (3,), sized=False)
+    assert not any(order == 0 for order, _ in fit.coefficients_um)
+
+
 def test_an_oval_is_learned_along_the_part_from_the_second_part_that_shows_it() -> None:
     def oval(angle: np.ndarray, s: float) -> np.ndarray:
         return 2.0 * s * np.cos(2.0 * angle)

@@ -68,6 +68,7 @@ from profiles.machine import MachineProfile
 from profiles.metrology.cylindricity import PartSection
 from profiles.problem import Problem
 from profiles.store import LoadedJob, LoadedMachine
+from profiles.trace_files.header import header_of
 from profiles.trace_files.sections import TraceSection
 from profiles.traces import Trace
 
@@ -180,7 +181,9 @@ def learn_from_part(
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
     of_trace = partial(_part, job=filed, made=made, extra=extra, beside=beside, robust=robust)
     parts = parts_along(sections, filed, machine.machine, push_um, of_trace)
-    how |= {"along": fit_axial(parts, along_cut(filed, machine.machine), (*orders, *beside))}
+    header, _ = header_of(trace.meta)
+    sized = header.radius_mm is not None and header.size != "relative"
+    how |= {"along": fit_axial(parts, along_cut(filed, machine.machine), (*orders, *beside), sized=sized)}
     how |= {"in_phase": not strategy.traits.by_table, "known_within": known_within(filed, machine.machine)}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
     step = _mark_repeated_trace(_compensate_push(step, push_um), known)
