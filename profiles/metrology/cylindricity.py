@@ -1,9 +1,11 @@
-"""Cylindricity of a stack of roundness profiles: the reference cylinders of ISO 12180-1.
+"""Cylindricity of a part in sections or points: the reference cylinders of ISO 12180-1.
 
-Each section is filtered round by the Gaussian filter of ISO 16610-21; along the part, where sections are few,
-none is applied. The cylinders are fitted to deviation = R + (x + a z) cos + (y + b z) sin, which is linear: one
-by least squares, the others as linear programmes by the exchange of contacts (`profiles.metrology.circles`). If
-the radius of the part is known, the fit is repeated with the exact distances from its axis until that stays.
+Each section is filtered round by the Gaussian filter of ISO 16610-21. Along the part none is applied unless it is
+asked for and the heights are near enough: then the Gaussian one with local straight lines, which leaves a taper
+and the ends as they are (ISO 16610-28). The cylinders are fitted to deviation = R + (x + a z) cos + (y + b z) sin,
+which is linear: one by least squares, the others as linear programmes by the exchange of contacts
+(`profiles.metrology.circles`). If the radius of the part is known, the fit is repeated with the exact distances
+from its axis until that stays.
 Angles in degrees, z in mm, deviations and offsets in um.
 """
 
@@ -12,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +22,10 @@ from profiles.arrays import Floats, floats
 from profiles.metrology.circles import exchange_basis, limacon_circle
 from profiles.metrology.conformity import SectionForm
 from profiles.metrology.length_causes import CAUSES, LengthCause, length_causes
-from profiles.metrology.points import angle_weights
+from profiles.metrology.points import POINTS_PER_UNDULATION, angle_weights, gaussian_weights
 from profiles.problem import refusal_error
 from profiles.roundness import profile_of
-from profiles.trace_files.sections import TraceSection
+from profiles.trace_files.sections import BIRD_CAGE, SECTIONS, SurfacePoints, TraceSection, generatrix_of
 
 LEAST_SQUARES = "LSCY"
 MINIMUM_ZONE = "MZCY"
@@ -33,6 +36,7 @@ CYLINDERS = (LEAST_SQUARES, MINIMUM_ZONE, MINIMUM_CIRCUMSCRIBED, MAXIMUM_INSCRIB
 UNEVEN = 2.0
 LEAST_SECTIONS = 3  # ISO 1101: two sections are a cone of any shape between them
 TURN_DEG = np.arange(0.0, 360.0)  # where there is a generatrix
+_EXACT = 1.0 + 1e-9  # a cut-off of exactly the limit
 _STAYS_UM = 1e-9
 _MOST_TURNS = 20
 _OUTSIDE = 1e-12
@@ -86,16 +90,22 @@ class CylinderResult:
     centres of the sections lie within a diameter of `axis_straightness_um` about their line, the worst generatrix
     within `generatrix_straightness_um`, peak to valley, about its own. All lines are of least squares.
     `causes` are why the sections differ, largest first.
+
+    `strategy` is how it was extracted (ISO 12180-2). Of `count` points that are no sections these are unknown; a
+    bird-cage has generatrices. The filters are Gaussian, with their cut-off round (UPR) and along (mm), or None.
     """
 
     sections: tuple[SectionForm, ...]
     filter_upr: float | None
     cylinders: tuple[ReferenceCylinder, ...]
     taper_um: float
-    crown_um: float
-    axis_straightness_um: float
-    generatrix_straightness_um: float
+    crown_um: float | None
+    axis_straightness_um: float | None
+    generatrix_straightness_um: float | None
     causes: tuple[LengthCause, ...]
+    strategy: str = SECTIONS
+    filter_along_mm: float | None = None
+    count: int = 0
 
     def event(self) -> dict[str, object]:
         """Return what records and results in JSON have: the sections, CYLt (MZCY) and what it consists of."""
@@ -109,6 +119,8 @@ class CylinderResult:
             "CYLt_um": self.cylt_um,
             **lines,
             CAUSES: [asdict(each) for each in self.causes],
+            "extraction": self.strategy,
+            "filter_along_mm": self.filter_along_mm,
         }
 
     @property
@@ -134,17 +146,24 @@ class CylinderResult:
 
 
 def evaluate_cylinder(
-    sections: Sequence[PartSection], *, radius_mm: float | None = None, filter_upr: float | None = 50.0
+    sections: Sequence[PartSection],
+    *,
+    radius_mm: float | None = None,
+    filter_upr: float | None = 50.0,
+    filter_along_mm: float | None = None,
 ) -> CylinderResult:
     """Return the cylindricity of sections of one part, which share the axis of measurement and its angle 0.
 
-    Raises `ProfileError`: `trace.few_sections`, fewer than three heights; and as `roundness.evaluate` does.
+    Raises `ProfileError`: `trace.few_sections`, fewer than three heights; `trace.filter_along`, they are too far
+    apart for that cut-off, or it is longer than the part; and as `roundness.evaluate` does.
     """
     heights = sorted({each.z_mm for each in sections})
     if len(heights) < LEAST_SECTIONS:
         value, limit = str(len(heights)), f">= {LEAST_SECTIONS}"
         raise refusal_error("trace.few_sections", key="z_mm", value=value, limit=limit)
     whole = [_filtered(each, filter_upr) for each in sorted(sections, key=lambda each: each.z_mm)]
+    if filter_along_mm is not None:
+        whole = _filtered_along(whole, filter_along_mm)
     angle = np.radians(np.concatenate([each.angle_deg for each in whole]))
     deviation = np.concatenate([each.deviation_um for each in whole])
     z = np.concatenate([np.full(each.angle_deg.size, each.z_mm) for each in whole])
@@ -162,7 +181,83 @@ def evaluate_cylinder(
         cylinders=cylinders,
         causes=length_causes(floats([each.z_mm for each in whole]), turns, least, cylt_um),
         **_lines(whole),
+        filter_along_mm=filter_along_mm,
+        count=z.size,
     )
+
+
+def evaluate_points(
+    surface: SurfacePoints, *, radius_mm: float | None = None, filter_along_mm: float | None = None
+) -> CylinderResult:
+    """Return the cylindricity of points that are no sections; they are not filtered round.
+
+    Along, each generatrix of a bird-cage is. Raises `ProfileError`: `trace.filter_along`, as `evaluate_cylinder`,
+    and for points that have no lines along the part.
+    """
+    deviation, walls = surface.deviation_um.copy(), list[float]()
+    if surface.strategy == BIRD_CAGE:
+        line_of = generatrix_of(surface.angle_deg)
+        for at in (np.flatnonzero(line_of == each) for each in np.unique(line_of)):
+            at = at[np.argsort(surface.z_mm[at])]
+            z = surface.z_mm[at]
+            if filter_along_mm is not None:
+                deviation[at] = gaussian_along(z, deviation[at], filter_along_mm)
+            walls.append(float(np.ptp(deviation[at] - np.polyval(np.polyfit(z, deviation[at], 1), z))))
+    elif filter_along_mm is not None:
+        value = f"{filter_along_mm:g} mm"
+        raise refusal_error("trace.no_lines_along", key="--filter-along", value=value)
+    middle_mm = 0.5 * float(surface.z_mm.min() + surface.z_mm.max())
+    points = Points(
+        angle=np.radians(surface.angle_deg),
+        z_mm=surface.z_mm - middle_mm,
+        deviation_um=deviation,
+        weight=np.full(deviation.size, 1.0 / deviation.size),
+    )
+    design = np.vstack([points.design(), points.z_mm / points.half_mm]).T
+    return CylinderResult(
+        sections=(),
+        filter_upr=None,
+        cylinders=tuple(reference_cylinder(kind, points, radius_mm) for kind in CYLINDERS),
+        taper_um=2.0 * float(np.linalg.lstsq(design, deviation, rcond=None)[0][-1]),
+        crown_um=None,
+        axis_straightness_um=None,
+        generatrix_straightness_um=max(walls, default=None),
+        causes=(),
+        strategy=surface.strategy,
+        filter_along_mm=filter_along_mm,
+        count=deviation.size,
+    )
+
+
+def gaussian_along(z_mm: Floats, deviation_um: Floats, cutoff_mm: float) -> Floats:
+    """Return lines along the part through the low-pass: K rising heights, (K,) or (K, M) deviations.
+
+    At each height a straight line is fitted with the Gaussian weights of the cut-off. Raises `ProfileError`
+    `trace.filter_along`: fewer than `POINTS_PER_UNDULATION` heights for a wave of the cut-off, or a cut-off longer
+    than the part.
+    """
+    length_mm, step_mm = float(np.ptp(z_mm)), float(np.diff(z_mm).max())
+    if not POINTS_PER_UNDULATION * step_mm <= cutoff_mm * _EXACT <= length_mm * _EXACT**2:
+        value = f"{cutoff_mm:g} mm (Z: {z_mm.size} x {step_mm:g} mm)"
+        limit = f"{POINTS_PER_UNDULATION * step_mm:g} … {length_mm:g} mm"
+        possible = POINTS_PER_UNDULATION * step_mm <= length_mm
+        limit = limit if possible else f"<= {length_mm / POINTS_PER_UNDULATION:.3g} mm"
+        code = "trace.filter_along" if possible else "trace.filter_along_heights"
+        raise refusal_error(code, key="--filter-along", value=value, limit=limit)
+    apart = z_mm[None, :] - z_mm[:, None]  # (K, K): from the height of the row
+    weight = gaussian_weights(apart, cutoff_mm)
+    zeroth, first, second = (np.sum(weight * apart**power, axis=1)[:, None] for power in range(3))
+    return floats(weight * (second - first * apart) / (zeroth * second - first**2) @ deviation_um)
+
+
+def _filtered_along(sections: Sequence[PartSection], cutoff_mm: float) -> list[PartSection]:
+    """Return the sections at the angles of the first, filtered along the part."""
+    angle_deg = sections[0].angle_deg
+    stack = np.stack([_at(each, angle_deg) for each in sections])
+    found = gaussian_along(floats([each.z_mm for each in sections]), stack, cutoff_mm)
+    return [
+        replace(each, angle_deg=angle_deg, deviation_um=row) for each, row in zip(sections, found, strict=True)
+    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -291,7 +386,7 @@ def _centre(section: PartSection) -> tuple[float, float, float]:
     return circle.deviation_um, circle.centre_x_um, circle.centre_y_um
 
 
-def _lines(sections: Sequence[PartSection]) -> dict[str, float]:
+def _lines(sections: Sequence[PartSection]) -> dict[str, Any]:
     """Return taper, crown and straightnesses of the sections."""
     z = floats([each.z_mm for each in sections])
     mean, x, y = (floats(each) for each in zip(*map(_centre, sections), strict=True))

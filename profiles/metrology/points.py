@@ -105,6 +105,11 @@ def gaussian_transmission(undulations: ArrayLike, cutoff_upr: float) -> Floats:
     return floats(np.exp(-math.pi * (_ALPHA * n / cutoff_upr) ** 2))
 
 
+def gaussian_weights(apart: Floats, cutoff: float) -> Floats:
+    """Return the weights, at distances in the unit of the cut-off, of the low-pass that passes half of it."""
+    return floats(np.exp(-math.pi * (apart / (_ALPHA * cutoff)) ** 2))
+
+
 def gaussian_filter(profile_um: ArrayLike, cutoff_upr: float, *, above_upr: float | None = None) -> Floats:
     """Return a closed profile, equally spaced and in the order of its angles, through the low-pass.
 

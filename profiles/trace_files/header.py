@@ -27,6 +27,9 @@ DIRECTIONS = ("spindle", "cw", "ccw")
 counter-clockwise in the cut (M3), taken at the tool, run clockwise over the part: `spindle` and `cw` are the
 same."""
 START_MARKS = ("spindle index", "jaw 1", "unknown")  # the mark at angle 0
+Z_FROM = ("jaw faces", "free end")
+"""Where heights are counted from: towards the free end, or from it into the part, with either sign."""
+
 METHODS = ("radial", "v_block", "two_point")
 SIZES = ("absolute", "relative")
 NUMBERS_READ = "numbers_read"  # added by the reader: a number of the file with its reading
@@ -54,7 +57,8 @@ class TraceHeader:
     angles of the trace (0 where jaw 1 is the start mark). `filter_upr` is the cut-off of a filter that the
     instrument has applied, `radius_mm` the radius at which the deviation is 0. `size` "relative" means that the
     instrument does not measure size, so that the mean deviation has no meaning. `method` is how it was
-    measured, one of `METHODS`. `turns` of the part follow each other.
+    measured, one of `METHODS`. `turns` of the part follow each other. `z_from`, one of `Z_FROM`, is where the
+    heights of sections are counted from.
     """
 
     state: str = "unknown"
@@ -66,6 +70,7 @@ class TraceHeader:
     size: str | None = None
     method: str | None = None
     turns: int = 1
+    z_from: str | None = None
 
     @property
     def phase_known(self) -> bool:
@@ -130,6 +135,7 @@ def header_of(meta: Mapping[str, str]) -> tuple[TraceHeader, tuple[Problem, ...]
         size=choice("size", SIZES),
         method=choice("method", METHODS),
         turns=int(meta.get("turns", "1")),
+        z_from=choice("z_from", Z_FROM),
     )
     return header, tuple(warnings)
 

@@ -151,10 +151,14 @@ _CHOICES = {
 
 
 class TraceTableReader:
-    """Reads the lines of one file in turn; collects problems and points: first column, second column in um."""
+    """Reads the lines of one file in turn; collects problems and points: first column, second column in um.
 
-    def __init__(self, where: str, text: str) -> None:
+    `scattered` points are of no one turn: an angle or a place may come again, and angles run on.
+    """
+
+    def __init__(self, where: str, text: str, *, scattered: bool = False) -> None:
         self.where = where
+        self._scattered = scattered
         self._text = text
         self.problems: list[Problem] = []
         self.spoilt = False
@@ -169,7 +173,7 @@ class TraceTableReader:
         self._line_of_place: dict[tuple[float, float], int] = {}
         self._closed_by: tuple[int, str] | None = None
         self._um_per_unit = 0.0
-        self._from_deg, self._to_deg = 0.0, _TURN_DEG
+        self._from_deg, self._to_deg = 0.0, _TURN_DEG * (MOST_TURNS if scattered else 1)
         self._closed = False
 
     def take(self, number: int, line: str) -> None:
@@ -280,7 +284,10 @@ class TraceTableReader:
                 self._refuse(code or "trace.out_of_range", number, key=key, value=cell, limit=limit)
                 return
             values.append(value)
-        if self.columns.names[0] == ANGLE:
+        if self._scattered and len(values) > 1:
+            self.first.append(values[0])
+            self.second.append(values[1])
+        elif self.columns.names[0] == ANGLE:
             self._keep_point(number, cells[0], *values)
         elif self.columns.plane:
             self._keep_place(number, cells, values[0], values[1])

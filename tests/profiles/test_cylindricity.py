@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -15,9 +17,12 @@ from profiles.metrology.cylindricity import (
     PartSection,
     Points,
     evaluate_cylinder,
+    evaluate_points,
+    gaussian_along,
     reference_cylinder,
 )
 from profiles.problem import ProfileError
+from profiles.trace_files.sections import SurfacePoints
 
 TURN_DEG = np.arange(0.0, 360.0, 1.0)
 HEIGHTS_MM = (2.0, 4.0, 6.0, 8.0, 10.0)
@@ -127,3 +132,69 @@ def test_two_heights_are_no_cylinder() -> None:
     with pytest.raises(ProfileError) as caught:
         evaluate_cylinder(part({0.0: np.zeros(360), 5.0: np.zeros(360)}))
     assert [each.code for each in caught.value.problems] == ["trace.few_sections"]
+
+
+ALONG_MM = np.arange(0.0, 40.0, 0.1)
+
+
+@pytest.mark.parametrize(("waves_mm", "passed"), [(4.0, 0.5), (8.0, 0.5**0.25), (2.0, 0.5**4)])
+def test_along_the_part_half_of_a_wave_of_the_cut_off_passes(waves_mm: float, passed: float) -> None:
+    """The transmission of ISO 16610-21, exp(-pi (alpha cut-off / wave)^2); the ends are left out."""
+    found = gaussian_along(ALONG_MM, np.sin(2 * np.pi * ALONG_MM / waves_mm), 4.0)
+    inner = slice(80, -80)
+    assert np.ptp(found[inner]) == pytest.approx(2.0 * passed, rel=0.01)
+
+
+def test_along_the_part_a_taper_stays_to_its_ends() -> None:
+    taper = np.stack([0.7 * ALONG_MM - 3.0, 5.0 - 0.2 * ALONG_MM], axis=1)
+    assert gaussian_along(ALONG_MM, taper, 4.0) == pytest.approx(taper, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("z_mm", "cutoff_mm", "code", "limit"),
+    [
+        (np.arange(0.0, 8.01, 0.2), 1.0, "trace.filter_along", "1.4 … 8 mm"),
+        (np.arange(0.0, 8.01, 0.2), 9.0, "trace.filter_along", "1.4 … 8 mm"),
+        (np.arange(0.0, 8.01, 2.0), 8.0, "trace.filter_along_heights", "<= 1.14 mm"),
+    ],
+)
+def test_a_cut_off_that_the_heights_do_not_show_is_refused(
+    z_mm: Floats, cutoff_mm: float, code: str, limit: str
+) -> None:
+    sections = part({float(z): floats(np.cos(np.radians(TURN_DEG * 2))) for z in z_mm})
+    with pytest.raises(ProfileError) as caught:
+        evaluate_cylinder(sections, filter_along_mm=cutoff_mm)
+    (problem,) = caught.value.problems
+    assert (problem.code, problem.limit) == (code, limit)
+
+
+def surface(strategy: str, angle_deg: Floats, z_mm: Floats) -> SurfacePoints:
+    """Three lobes of 4 um p-p on a cone of 0.5 um/mm, whose axis is off and leans."""
+    angle = np.radians(angle_deg)
+    axis = (7.0 - 0.3 * z_mm) * np.cos(angle) + 0.2 * z_mm * np.sin(angle)
+    deviation_um = 2.0 * np.cos(3 * angle) + 0.5 * z_mm + axis
+    return SurfacePoints(strategy=strategy, angle_deg=angle_deg, z_mm=z_mm, deviation_um=deviation_um, meta={})
+
+
+def test_a_helix_has_the_form_of_the_part_and_no_sections() -> None:
+    angle_deg = np.arange(0.0, 360.0 * 40, 3.0)
+    found = evaluate_points(surface("helix", angle_deg % 360.0, 8.0 * angle_deg / angle_deg[-1]))
+    assert (found.strategy, found.sections, found.count) == ("helix", (), angle_deg.size)
+    assert found.taper_um == pytest.approx(4.0, rel=0.01)
+    assert found.cylinder(MINIMUM_ZONE).cylt_um == pytest.approx(8.0, rel=0.02), "both lobe and cone, 4 um each"
+    assert (found.filter_upr, found.filter_along_mm) == (None, None)
+    with pytest.raises(ProfileError) as caught:
+        evaluate_points(surface("helix", angle_deg % 360.0, angle_deg / 360.0), filter_along_mm=1.0)
+    assert [each.code for each in caught.value.problems] == ["trace.no_lines_along"]
+
+
+def test_a_bird_cage_has_generatrices_which_the_filter_along_smooths() -> None:
+    z, angle = (each.ravel() for each in np.meshgrid(np.arange(0.0, 8.01, 0.1), np.arange(0.0, 360.0, 30.0)))
+    cage = surface("bird-cage", angle, z)
+    assert evaluate_points(cage).generatrix_straightness_um == pytest.approx(0.0, abs=1e-9)
+    waved = replace(cage, deviation_um=cage.deviation_um + 0.5 * np.sin(2 * np.pi * z / 0.6))
+    rough, smooth = evaluate_points(waved), evaluate_points(waved, filter_along_mm=2.0)
+    assert rough.generatrix_straightness_um == pytest.approx(0.866, rel=0.1), "six points a wave"
+    assert smooth.generatrix_straightness_um is not None
+    assert smooth.generatrix_straightness_um < 0.433, "the middle keeps nearly nothing of it, the ends some"
+    assert smooth.filter_along_mm == 2.0

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from profiles.problem import ProfileError
-from profiles.trace_files.sections import parse_sections, read_sections
+from profiles.trace_files.sections import (
+    SurfacePoints,
+    parse_sections,
+    parse_surface,
+    read_sections,
+    sections_content,
+)
 
 TURN_DEG = np.arange(0.0, 360.0, 5.0)
 
@@ -95,3 +101,82 @@ def test_a_line_without_a_height_is_named(line: str, code: str) -> None:
         parse_sections(text.encode(), where="part.csv")
     (problem,) = caught.value.problems
     assert (problem.code, problem.where) == (code, f"part.csv:{2 + 2 * TURN_DEG.size}")
+
+
+def table(points: list[tuple[float, float, float]]) -> bytes:
+    lines = "".join(f"{z:.5f};{angle:g};{um:.4f}\n" for z, angle, um in points)
+    return f"Z / mm;Angle [deg];Deviation [um]\n{lines}".encode()
+
+
+def helix(turns: int = 12, *, folded: bool = False) -> list[tuple[float, float, float]]:
+    """Z advances by half a mm a turn, one point each 5 degrees."""
+    angles = np.arange(0.0, 360.0 * turns, 5.0)
+    return [(20.0 + angle / 720.0, angle % 360.0 if folded else angle, 0.0) for angle in angles]
+
+
+CAGE = [(z, angle, 0.0) for angle in range(0, 360, 45) for z in np.arange(20.0, 28.0, 0.1)]
+SCATTERED = [(20.0 + 0.01 * (37 * k % 800), 360.0 * (k * 0.6180339 % 1.0), 0.0) for k in range(300)]
+
+
+@pytest.mark.parametrize(
+    ("points", "strategy", "code"),
+    [
+        (helix(), "helix", "trace.helix"),
+        (helix(folded=True), "helix", "trace.helix"),
+        (CAGE, "bird-cage", "trace.bird_cage"),
+        (sorted(CAGE), "bird-cage", "trace.bird_cage"),
+        (SCATTERED, "points", "trace.scattered"),
+    ],
+)
+def test_points_that_are_no_sections_keep_their_strategy_and_have_no_roundness(
+    points: list[tuple[float, float, float]], strategy: str, code: str
+) -> None:
+    found = parse_surface(table(points))
+    assert isinstance(found, SurfacePoints)
+    assert found.strategy == strategy
+    assert found.z_mm == pytest.approx([z for z, *_ in points], abs=1e-5)
+    assert found.angle_deg == pytest.approx([angle % 360.0 for _, angle, _ in points], abs=1e-3)
+    with pytest.raises(ProfileError) as caught:
+        parse_sections(table(points))
+    assert [each.code for each in caught.value.problems] == [code]
+
+
+def test_a_measuring_machine_need_not_come_to_the_same_height_for_each_point() -> None:
+    off = np.random.default_rng(4).normal(0.0, 0.004, (2, TURN_DEG.size))
+    points = [
+        (z + dz, angle, 1.0)
+        for z, row in zip((22.0, 26.0), off, strict=True)
+        for angle, dz in zip(TURN_DEG, row, strict=True)
+    ]
+    found = parse_sections(table(points))
+    assert [each.z_mm for each in found] == pytest.approx([22.0, 26.0], abs=0.002)
+    assert [each.trace.angle_deg.size for each in found] == [TURN_DEG.size] * 2
+
+
+def test_a_digit_that_is_wrong_in_one_height_is_named_with_its_line() -> None:
+    lines = ("z_mm,angle_deg,deviation_um\n" + rows((22.5, 26.0))).split("\n")
+    lines[40] = lines[40].replace("22.5", "82.5", 1)
+    with pytest.raises(ProfileError) as caught:
+        parse_sections("\n".join(lines).encode(), where="part.csv")
+    (problem,) = caught.value.problems
+    assert (problem.code, problem.where, problem.key) == ("trace.few_at_height", "part.csv:41", "Z 82.5 mm")
+
+
+def test_sections_of_two_files_state_the_same_and_are_kept_in_one(tmp_path: Path) -> None:
+    paths = []
+    for z, mark in ((22.5, "jaw 1"), (26.0, "jaw 1"), (29.0, "spindle index")):
+        paths.append(tmp_path / f"{z}.csv")
+        points = "".join(f"{a:g},{um:g}\n" for a, um in zip(TURN_DEG, lobed_um(z), strict=True))
+        paths[-1].write_text(
+            f"# start_mark: {mark}\n# z_mm: {z}\nangle_deg,deviation_um\n{points}", encoding="utf-8"
+        )
+    for refused, code in ((paths[2], "trace.sections_differ"), (paths[0], "trace.duplicate_height")):
+        with pytest.raises(ProfileError) as caught:
+            read_sections([*paths[:2], refused])
+        assert [each.code for each in caught.value.problems] == [code]
+    both = read_sections(paths[:2])
+    again = parse_sections(sections_content(both))
+    for one, other in zip(both, again, strict=True):
+        assert one.z_mm == other.z_mm
+        assert np.array_equal(one.trace.deviation_um, other.trace.deviation_um)
+        assert other.trace.meta == {"start_mark": "jaw 1"}
