@@ -21,7 +21,9 @@ from profiles.compensations.force_null import ForceNull, Sign
 from profiles.compensations.learning import SURE
 from profiles.compensations.path import PathHarmonic
 from profiles.metrology.conformity import JudgedFigure, ToleranceKind, passes_all
+from profiles.metrology.cylindricity import LEAST_SQUARES, CylinderResult
 from profiles.metrology.length_causes import LengthCause, LengthCauseKind
+from profiles.trace_files.sections import INDEX
 
 if TYPE_CHECKING:
     from console.session.learning.fingerprint import FingerprintedCut
@@ -30,6 +32,35 @@ if TYPE_CHECKING:
 
 COLUMNS = ("order", "left", "tool_off", "gain", "factor", "bound", "standing")
 TOOL_OFF = COLUMNS.index("tool_off")
+
+
+LEVELLED = "levelled"  # header line of a file whose sections were levelled where they were measured
+
+
+def at_height(z_mm: float | None, text: Catalogue) -> str:
+    """Return at which Z the one section is that a result is of."""
+    return text("section.no_z") if z_mm is None else text("section.at", z=text.units.show(z_mm, "mm", 2))
+
+
+def states_index(meta: Mapping[str, str]) -> bool:
+    """Whether the header lines of a file say where angle 0 is; for several sections it is the same."""
+    return meta.get("start_mark", "unknown") != "unknown" or any(key in meta for key in (INDEX, "jaw_1_deg"))
+
+
+def extraction_words(whole: CylinderResult, meta: Mapping[str, str], text: Catalogue) -> list[str]:
+    """Return how the form of a part was extracted and filtered, and what its index and levelling rest on.
+
+    `meta` are the header lines of its file, which states them or not.
+    """
+    count, none = len(whole.sections) or whole.count, text("roundness.no_filter")
+    upr, mm = whole.filter_upr, whole.filter_along_mm
+    filters = {"filter": none if upr is None else f"{upr:g} UPR", "along": none if mm is None else f"{mm:g} mm"}
+    said = [text(f"section.strategy.{whole.strategy}", count=count), text("section.filters", **filters)]
+    axis = whole.cylinder(LEAST_SQUARES)
+    tilt = f"{math.hypot(axis.tilt_x_um_per_mm, axis.tilt_y_um_per_mm):.2f}"
+    index = text("section.index_stated" if states_index(meta) else "section.index_assumed")
+    levelled = text("section.levelled" if LEVELLED in meta else "section.tilt_out", tilt=tilt)
+    return [*said, index if whole.sections else text("section.no_roundness"), levelled]
 
 
 def verdict_words(event: Mapping[str, Any], text: Catalogue) -> str:

@@ -217,7 +217,7 @@ _ACTIONS = (
     *_keys(
         "inspect", "first Home ., last End", "path p .", "state s .", "direction d .", stops=StoppableMotion.MOTION
     ),
-    *_keys("inspect", "mark j .", stops=StoppableMotion.MOTION),
+    *_keys("inspect", "mark j .", "height e .", "together g .", stops=StoppableMotion.MOTION),
     *_keys("records", "up ↑ ↑↓", "down ↓ .", "page_up PgUp ., page_down PgDn", "first Home ., last End"),
     *_keys("records", "open Enter", "back ←", "chart c", "mark b", "search /", "failed f", "job j ."),
     *_keys("records", "machines m .", "program p .", "cut e .", "length l .", "figure d ."),

@@ -302,3 +302,41 @@ def test_files_of_one_section_each_need_their_heights(console: Console, tmp_path
     assert said.code == 1 and ">= 3" in said.err
     said = console("roundness", *map(str, paths), "--robust")
     assert said.code == 2 and "--robust" in said.err
+
+
+def test_the_filter_along_the_part_is_named_and_needs_heights_that_are_near(
+    console: Console, tmp_path: Path
+) -> None:
+    few = console("roundness", str(sections_file(tmp_path)), "--filter-along", "4")
+    assert few.code == 1
+    for word in ("--filter-along", "<= 1.14 mm", "4 mm"):
+        assert word in few.err
+    near = str(sections_file(tmp_path, tuple(np.arange(22.0, 30.1, 0.5))))
+    seen = console("roundness", near, "--filter-along", "4", "--json").json
+    assert (seen["filter_along_mm"], seen["filter_upr"], seen["index"]) == (4.0, 50.0, "assumed")
+    said = console("roundness", near, "--filter-along", "4").out
+    assert "Gaussian filter round: 50 UPR; along: 4 mm" in said
+    assert "17 sections (roundness profiles)" in said and "assumed (no # start_mark)" in said
+    assert "along: none" in console("roundness", near).out
+    one = str(trace(tmp_path / "one", np.arange(0, 360, 4), "# z_mm: 22"))
+    alone = console("roundness", one, "--filter-along", "4")
+    assert alone.code == 1 and ">= 3" in alone.err
+
+
+def test_one_section_says_its_height_or_that_it_is_not_stated(console: Console, tmp_path: Path) -> None:
+    at = console("roundness", str(trace(tmp_path / "at", np.arange(0, 360, 4), "# z_mm: 22.5")))
+    assert at.out.startswith("section at Z 22.50 mm\n")
+    bare = console("roundness", str(trace(tmp_path / "bare", np.arange(0, 360, 4))))
+    assert bare.out.startswith("one section, Z not stated\n")
+
+
+def test_of_a_helix_the_form_is_stated_and_no_roundness(console: Console, tmp_path: Path) -> None:
+    path, angle = tmp_path / "helix.csv", np.arange(0.0, 7200.0, 2.0)
+    rows = [f"{22 + a / 900:.5f},{a:g},{2 * np.cos(np.radians(3 * a)):.4f}" for a in angle]
+    path.write_text("z_mm,angle_deg,deviation_um\n" + "\n".join(rows), encoding="utf-8")
+    seen = console("roundness", str(path), "--json").json
+    assert (seen["strategy"], seen["sections"], seen["index"]) == ("helix", [], None)
+    assert seen["CYLt_um"] == pytest.approx(4.0, abs=0.01)
+    assert "no sections: roundness is not stated" in console("roundness", str(path)).out
+    judged = console("roundness", str(path), "--job", "lee-2001-experiment-1", "--fail-out-of-tolerance")
+    assert judged.code == 1 and "a helix (3600 points)" in judged.err

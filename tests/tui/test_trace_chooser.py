@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import threading
 import time
 from dataclasses import replace
@@ -210,3 +211,45 @@ async def test_the_key_row_has_the_keys_of_the_open_list(tmp_path: Path) -> None
     assert answered == opened | {"Enter"}
     assert typing == {"Enter"}
     assert listed == answered
+
+
+async def test_marked_files_are_read_together_as_sections_of_one_part(tmp_path: Path) -> None:
+    stated = {"state": "free", "direction": "ccw", "start_mark": "jaw 1", "z_from": "free end"}
+    low = gauge(tmp_path, "low.csv", 0, z_mm="7", **stated)
+    middle = gauge(tmp_path, "middle.csv", 60, z_mm="4", **stated)
+    gauge(tmp_path, "other.csv", 120, z_mm="2", **stated)
+    top = gauge(tmp_path, "top.csv", 180, z_mm="1", **stated)
+    async with Staged(tmp_path) as staged:
+        await staged.do("inspect.import", "inspect.together", "inspect.down", "inspect.together")
+        await staged.do("inspect.down")
+        text = await staged.do("inspect.down", "inspect.together")
+        for words in ("3 files together", " +low.csv", " +middle.csv", "  other.csv", "▸+top.csv"):
+            assert words in text
+        assert "section at Z 26.00 mm" in text and "3 sections (roundness profiles)" in text
+        assert re.search(r"CYLt MZCY +5.99 um", text)
+        await staged.do("inspect.next")
+    (order,) = staged.control.orders
+    assert isinstance(order, TakeTrace)
+    assert (order.path, order.others) == (low, (middle, top))
+
+
+async def test_a_mark_is_taken_back_and_one_file_alone_has_no_key_for_it(tmp_path: Path) -> None:
+    gauge(tmp_path, "one.csv", state="free", start_mark="unknown")
+    async with Staged(tmp_path) as staged:
+        await staged.do("inspect.import", "inspect.together")
+        assert [problem.code for problem in staged.page.ui.key_answer] == ["trace.one_file"]
+        gauge(tmp_path, "two.csv", 60, state="free", start_mark="unknown")
+        assert "▸+one.csv" in await staged.do("inspect.up", "inspect.together")
+        assert "▸ one.csv" in await staged.do("inspect.together")
+
+
+async def test_a_helix_is_named_with_its_form_and_is_not_taken(tmp_path: Path) -> None:
+    path = gauge(tmp_path, "helix.csv")
+    angle = np.arange(0.0, 7200.0, 2.0)
+    rows = [f"{22 + a / 900:.5f},{a:g},{2 * np.cos(np.radians(3 * a)):.4f}" for a in angle]
+    path.write_text("z_mm,angle_deg,deviation_um\n" + "\n".join(rows), encoding="utf-8")
+    async with Staged(tmp_path) as staged:
+        text = await staged.do("inspect.import")
+        assert re.search(r"CYLt MZCY +4.00 um", text) and "a helix (3600 points)" in text
+        await staged.do("inspect.next")
+    assert staged.control.orders == []

@@ -10,21 +10,22 @@ from console.cli.judgement import lobe_place_line
 from console.cli.library import SIM_OPTION, data_of, job_of, machine_of, name_file_in_problems, naming
 from console.cli.output import show, tell
 from console.session.learning.calibrating import keep_lobe, lobe_record, lobe_step
+from console.session.learning.evaluated_part import read_section_file
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from console.text.part_sentences import at_height
 from profiles.calibration.lobe import FoundLobe, find_lobe
-from profiles.files import printable, read_regular_file
+from profiles.files import printable
 from profiles.problem import ProfileError
 from profiles.store import LoadedJob
-from profiles.traces import CAP_BYTES, parse_trace
 
 
 def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
     """Fit the lobe of a trace; with `--keep` write it to the job, unless something speaks against it."""
     loaded, machine, where = job_of(options), machine_of(options, SIM_OPTION).machine, printable(options.file)
-    content = read_regular_file(Path(options.file), cap_bytes=CAP_BYTES, area="trace")
     with naming(where):
-        trace = parse_trace(content, where=where)
+        filed = read_section_file(Path(options.file), loaded.job)
+        content, trace = filed.content, filed.trace
         extra = options.extra or ()
         found = find_lobe(trace, loaded.job, extra=extra, robust=options.robust, practice=options.sim)
     reasons = name_file_in_problems(found.reasons, where)
@@ -42,7 +43,11 @@ def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
     show(
         options,
         lambda: {**lobe_record(found), **place, "kept": kept and str(kept), "warnings": warnings},
-        lambda: [*_lines(found, text), *_end(written, kept, options.keep, text)],
+        lambda: [
+            at_height(filed.section_z_mm, text),
+            *_lines(found, text),
+            *_end(written, kept, options.keep, text),
+        ],
     )
     if options.keep and reasons:
         raise ProfileError(*reasons)

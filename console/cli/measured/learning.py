@@ -16,16 +16,17 @@ from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import CalibratedMachine
 from console.session.data.kept_files import is_ahead, utc_now
 from console.session.data.learned_store import asked_for, elsewhere_problems, store, versions
-from console.session.data.measured_part import KEYS
+from console.session.data.measured_part import KEYS, SECTION_Z
 from console.session.data.run_reader import run_of_trace
 from console.session.errors import SessionError
+from console.session.learning.evaluated_part import read_section_file
 from console.session.learning.learning_steps import SIMULATED, LearningOutcome, learn_from_trace, revert_version
 from console.session.learning.part_learning import record_accepted
 from console.session.learning.provenance import taken_before
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from console.text.part_sentences import cause_words, certificate_fields, certificate_lines
+from console.text.part_sentences import at_height, cause_words, certificate_fields, certificate_lines
 from drivers.simulator.plant.which_lathe import options_of
 from profiles.compensations.learned_compensation import (
     HoldsFor,
@@ -39,7 +40,6 @@ from profiles.files import printable
 from profiles.forecast import LEAST_FORECAST_UM, forecast_um, is_below_forecast
 from profiles.problem import Problem
 from profiles.store import LoadedJob
-from profiles.traces import parse_trace, read_trace_file
 
 
 def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, text: Catalogue) -> None:
@@ -47,8 +47,9 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
 
     A part without a place on the spindle is reported as it was measured, and refused.
     """
-    content, data, where = read_trace_file(Path(options.file)), data_of(options), printable(options.file)
-    trace = parse_trace(content, where=where)
+    data, where = data_of(options), printable(options.file)
+    filed = read_section_file(Path(options.file), job.job)
+    content, trace = filed.content, filed.trace
     if options.sim and trace.meta.get(SIMULATED[0]) != SIMULATED[1]:
         raise SessionError(Problem(code="learned.not_simulated", where=where, limit=": ".join(SIMULATED)))
     made = {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
@@ -64,6 +65,7 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
             robust=options.robust,
             date=utc_now(),
             extra=options.extra or (),
+            sections=filed.sections,
         )
     if taken := taken_before(data, hashlib.sha256(content).hexdigest(), None, found.made):
         raise SessionError(*name_file_in_problems(taken, where))
@@ -76,8 +78,14 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
     asked = options.keep or bool(reasons)
     show(
         options,
-        lambda: {**_step_fields(found), "kept": kept and str(kept), "warnings": warnings},
+        lambda: {
+            **_step_fields(found),
+            SECTION_Z: filed.section_z_mm,
+            "kept": kept and str(kept),
+            "warnings": warnings,
+        },
         lambda: [
+            at_height(filed.section_z_mm, text),
             *_step_lines(found, text, fails=_fails(found, job)),
             *_kept_lines(following, kept, asked, options, text),
         ],

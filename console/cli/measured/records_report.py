@@ -10,7 +10,7 @@ from datetime import datetime
 from console.cli.library import data_of
 from console.cli.measured.roundness_report import judged_rows
 from console.cli.output import fields_of, show
-from console.session.data.measured_part import RecordedPart
+from console.session.data.measured_part import SECTION_Z, RecordedPart
 from console.session.data.run_facts import origin_facts, setup_facts
 from console.session.data.run_reader import RunFilters, runs, story
 from console.session.data.run_rows import MODEL, RunRow
@@ -18,7 +18,7 @@ from console.session.data.run_story import POLLED, RecordedTelemetry, RunEvent, 
 from console.text.along_length import form_words, section_rows, stretch_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table, wrap_text
-from console.text.part_sentences import verdict_words
+from console.text.part_sentences import at_height, verdict_words
 from console.text.recorded_words import (
     Layout,
     ending_words,
@@ -32,6 +32,7 @@ from console.text.recorded_words import (
 from profiles.axis.response import ResponseSource
 from profiles.files import printable
 from profiles.metrology.unrolled import PROFILES
+from profiles.strict_values import number_or_none
 
 ID_DIGITS = 8
 WIDTH = 78
@@ -269,6 +270,8 @@ def _part_lines(part: RecordedPart, text: Catalogue) -> list[str]:
 
 def _part_line(part: RecordedPart, text: Catalogue) -> str:
     facts = [part.part, f"RONt {part.ront_um:.2f} um"]
+    if SECTION_Z in part.data:
+        facts.append(at_height(number_or_none(part.data[SECTION_Z]), text))
     if part.lobe_um_pp is not None:
         facts.append(text("records.lobe", lobe=f"{part.lobe_um_pp:.2f}"))
     if part.diameter_mm is not None:

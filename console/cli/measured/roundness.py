@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from profiles.metrology.conformity import JudgedFigure
     from profiles.metrology.cylindricity import CylinderResult
     from profiles.trace_files.header import TraceHeader
-    from profiles.trace_files.sections import TraceSection
+    from profiles.trace_files.sections import SurfacePoints, TraceSection
 
 REFERENCE_CIRCLES = ("LSC", "MZC", "MCC", "MIC")
 OF_ONE_SECTION = ("band", "circle", "robust", "vblock", "lobes")  # options that several sections have no use for
@@ -37,6 +37,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     filters = parser.add_mutually_exclusive_group()
     filters.add_argument("--filter", metavar="UPR|none", default="50", type=_filter, help=text("help.filter"))
     filters.add_argument("--band", metavar="LOW:HIGH", type=_band, help=text("help.band"))
+    parser.add_argument("--filter-along", metavar="MM", type=number, help=text("help.filter_along"))
     parser.add_argument("--circle", choices=REFERENCE_CIRCLES, default="LSC", help=text("help.circle"))
     parser.add_argument("--robust", action="store_true", help=text("help.robust"))
     parser.add_argument("--vblock", metavar="DEG", type=number, help=text("help.vblock"))
@@ -58,17 +59,24 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.measured.trace_evaluation import evaluate_trace_file
     from console.cli.output import show, tell
     from console.text.columns import table
-    from console.text.part_sentences import judged_fields, section_words
+    from console.text.part_sentences import at_height, judged_fields, section_words
     from profiles.files import printable
     from profiles.metrology.conformity import passes_all
-    from profiles.trace_files.sections import read_sections
+    from profiles.metrology.cylindricity import LEAST_SECTIONS
+    from profiles.problem import refusal_error
+    from profiles.trace_files.sections import SurfacePoints, read_surface
 
     if options.fail_out_of_tolerance and options.job is None:
         print(f"console roundness: {text('usage.tolerance_without_job')}", file=sys.stderr)
         return WRONG_USAGE
-    sections = read_sections([Path(file) for file in (options.file, *options.others)])
-    if len(sections) > 1:
+    sections = read_surface([Path(file) for file in (options.file, *options.others)])
+    if isinstance(sections, SurfacePoints) or len(sections) > 1:
         return _whole(options, sections, text)
+    if options.filter_along is not None:
+        with naming(printable(options.file)):
+            raise refusal_error(
+                "trace.few_sections", key="--filter-along", value="1", limit=f">= {LEAST_SECTIONS}"
+            )
     measured = evaluate_trace_file(options, sections[0].trace)
     warnings = tell(measured.result.warnings, text)
     if options.vblock is not None:
@@ -79,6 +87,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         fields, lines = trace_fields(measured), roundness_lines(measured, text)
     more = {"meta": dict(measured.trace.meta), "warnings": warnings}
     z_mm, result = sections[0].z_mm, measured.result
+    fields, lines = {**fields, "z_mm": z_mm}, [at_height(z_mm, text), *lines]
     judged = _judged(options, measured.header, z_mm, result.ront_um, result.mean_deviation_um)
     said = ["", section_words(z_mm, text), *table(judged_rows(judged, text))] if judged else []
     fields |= judged_fields(judged)
@@ -86,28 +95,47 @@ def main(options: Namespace, text: Catalogue) -> int:
     return OUT_OF_TOLERANCE if options.fail_out_of_tolerance and passes_all(judged) is False else 0
 
 
-def _whole(options: Namespace, sections: Sequence[TraceSection], text: Catalogue) -> int:
-    """Print the form over the length of a part that was measured in several sections."""
+def _whole(options: Namespace, found: Sequence[TraceSection] | SurfacePoints, text: Catalogue) -> int:
+    """Print the form over the length of a part that was measured in several sections, or in points."""
+    from console.cli.library import naming
     from console.cli.measured.roundness_report import form_fields, form_lines, judged_rows
     from console.cli.output import show
     from console.text.columns import table
     from console.text.part_sentences import judged_fields
-    from profiles.metrology.conformity import passes_all
-    from profiles.metrology.cylindricity import evaluate_cylinder, part_section
+    from profiles.files import printable
+    from profiles.metrology.conformity import SectionForm, passes_all
+    from profiles.problem import ProfileError
     from profiles.trace_files.header import header_of
+    from profiles.trace_files.sections import SurfacePoints, no_sections
 
     if unused := [f"--{name}" for name in OF_ONE_SECTION if getattr(options, name) not in (None, False, "LSC")]:
         print(f"console roundness: {text('usage.one_section', options=', '.join(unused))}", file=sys.stderr)
         return WRONG_USAGE
-    whole = evaluate_cylinder([part_section(each) for each in sections], filter_upr=options.filter)
-    files = [options.file, *options.others]
-    header, _ = header_of(sections[0].trace.meta)
-    first = whole.sections[0]
+    where = printable(options.file)
+    with naming(where):
+        whole = _evaluate(options, found)
+    meta = found.meta if isinstance(found, SurfacePoints) else found[0].trace.meta
+    header, _ = header_of(meta)
+    first = whole.sections[0] if whole.sections else SectionForm(z_mm=0.0, ront_um=0.0, mean_um=0.0)
     judged = _judged(options, header, first.z_mm, first.ront_um, first.mean_um, whole)
     said = ["", *table(judged_rows(judged, text))] if judged else []
-    fields = {"files": files, **form_fields(whole), **judged_fields(judged)}
-    show(options, lambda: fields, lambda: [*form_lines(whole, text), *said])
-    return OUT_OF_TOLERANCE if options.fail_out_of_tolerance and passes_all(judged) is False else 0
+    fields = {"files": [options.file, *options.others], **form_fields(whole, meta), **judged_fields(judged)}
+    show(options, lambda: fields, lambda: [*form_lines(whole, meta, text), *said])
+    if options.fail_out_of_tolerance and passes_all(judged) is False:
+        return OUT_OF_TOLERANCE
+    if options.fail_out_of_tolerance and isinstance(found, SurfacePoints):  # its roundness is not known
+        raise ProfileError(no_sections(found, where))
+    return 0
+
+
+def _evaluate(options: Namespace, found: Sequence[TraceSection] | SurfacePoints) -> CylinderResult:
+    from profiles.metrology.cylindricity import evaluate_cylinder, evaluate_points, part_section
+    from profiles.trace_files.sections import SurfacePoints
+
+    if isinstance(found, SurfacePoints):
+        return evaluate_points(found, filter_along_mm=options.filter_along)
+    sections = [part_section(each) for each in found]
+    return evaluate_cylinder(sections, filter_upr=options.filter, filter_along_mm=options.filter_along)
 
 
 def _judged(
@@ -120,7 +148,7 @@ def _judged(
 ) -> tuple[JudgedFigure, ...]:
     """Return the figures of a part against the limits of its job, none without a job."""
     from console.cli.library import job_of
-    from profiles.metrology.conformity import judge_part
+    from profiles.metrology.conformity import Tolerances, judge_part
 
     if options.job is None:
         return ()
@@ -128,8 +156,11 @@ def _judged(
     if header.radius_mm is not None and header.size != "relative":
         off_um = 2000.0 * (header.radius_mm - job.finished_radius_mm) + 2.0 * mean_um
     sections, cylt_um = ((), None) if whole is None else (whole.sections, whole.cylt_um)
+    limits = job.tolerances
+    if whole is not None and not sections:  # of points that are no sections only the form is known
+        limits = Tolerances(cylindricity_um=limits.cylindricity_um)
     return judge_part(
-        job.tolerances,
+        limits,
         ront_um=ront_um,
         mean_um=mean_um,
         off_um=off_um,

@@ -10,7 +10,13 @@ from console.cli.output import fields_of
 from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from console.text.part_sentences import all_cause_words, judged_words
+from console.text.part_sentences import (
+    LEVELLED,
+    all_cause_words,
+    extraction_words,
+    judged_words,
+    states_index,
+)
 from profiles.metrology.circles import ReferenceCircle
 from profiles.metrology.conformity import JudgedFigure
 from profiles.metrology.cylindricity import CylinderResult
@@ -24,6 +30,8 @@ PARAMETERS = ("RONt", "RONp", "RONv", "RONq")
 SHOWN_HARMONICS = (2, 3, 4, 5, 6, 7, 8, 9, 12, 15)
 _STATES = ("free", "clamped", "unknown")
 
+
+INDEX = {True: "stated", False: "assumed"}
 
 CENTRE = ("centre_x_mm", "centre_y_mm")
 """Of a trace of points in the plane: where its least squares circle is."""
@@ -62,11 +70,17 @@ def roundness_fields(result: RoundnessResult) -> dict[str, object]:
     }
 
 
-def form_fields(whole: CylinderResult) -> dict[str, object]:
-    """Return the form of a part in sections: all reference cylinders, and the extraction strategy (ISO 12180)."""
+def form_fields(whole: CylinderResult, meta: Mapping[str, str]) -> dict[str, object]:
+    """Return the form of a part: all reference cylinders, and the extraction strategy (ISO 12180).
+
+    `meta` are the header lines of its file, which may state the index and levelling.
+    """
     return {
-        "strategy": "sections",
+        "strategy": whole.strategy,
         "filter_upr": whole.filter_upr,
+        "points": whole.count,
+        "index": INDEX.get(states_index(meta)) if whole.sections else None,
+        "levelled": INDEX.get(LEVELLED in meta),
         **whole.event(),
         "cylinders": [
             {"cylinder": each.kind, **{f"CYL{kind}_um": getattr(each, f"cyl{kind}_um") for kind in "tpvq"}}
@@ -75,9 +89,8 @@ def form_fields(whole: CylinderResult) -> dict[str, object]:
     }
 
 
-def form_lines(whole: CylinderResult, text: Catalogue) -> list[str]:
+def form_lines(whole: CylinderResult, meta: Mapping[str, str], text: Catalogue) -> list[str]:
     """Return the sections, the reference cylinders, taper and straightnesses in words."""
-    upr = text("roundness.no_filter") if whole.filter_upr is None else f"{whole.filter_upr:g} UPR"
     sections = [("Z", "RONt", text("roundness.mean"), "")]
     sections += [(f"{s.z_mm:.3f} mm", f"{s.ront_um:.3f}", f"{s.mean_um:+.3f}", "um") for s in whole.sections]
     cylinders: list[tuple[str, ...]] = [("", "CYLt", "CYLp", "CYLv", "CYLq", "")]
@@ -85,13 +98,12 @@ def form_lines(whole: CylinderResult, text: Catalogue) -> list[str]:
         found = (each.cylt_um, each.cylp_um, each.cylv_um, each.cylq_um)
         cylinders.append((each.kind, *(f"{um:.3f}" for um in found), "um"))
     names = ("taper_um", "crown_um", "axis_straightness_um", "generatrix_straightness_um")
-    lines = [(text(f"roundness.{name}"), f"{getattr(whole, name):.3f}", "um") for name in names]
-    head = text("roundness.sections", count=len(whole.sections), filter=upr)
+    known = [(name, um) for name in names if (um := getattr(whole, name)) is not None]
+    lines = [(text(f"roundness.{name}"), f"{um:.3f}", "um") for name, um in known]
     return [
-        head,
+        *extraction_words(whole, meta, text),
         "",
-        *table(sections, numeric=(1, 2)),
-        "",
+        *([*table(sections, numeric=(1, 2)), ""] if whole.sections else ()),
         *table(cylinders, numeric=(1, 2, 3, 4)),
         "",
         *table(lines, numeric=(1,)),

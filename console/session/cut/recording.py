@@ -10,13 +10,14 @@ import numpy as np
 
 from console.session.cut.cut_verdict import CutVerdict
 from console.session.cut.telemetry import PHASE_SAMPLES, Floats, phase_of
-from console.session.data.measured_part import CYLINDRICITY_LIMIT, RecordedPart, result_data
+from console.session.data.measured_part import CYLINDRICITY_LIMIT, SECTION_Z, RecordedPart, result_data
 from console.session.data.run_log import Poll, RunLog
 from console.session.stages import Stage
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
 from drivers.lathe.snapshot import Snapshot
 from profiles.job import Job
+from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
 from profiles.metrology.cylindricity import CylinderResult, PartSection
 from profiles.metrology.turns import mean_diameter_mm
@@ -97,7 +98,7 @@ class LogRecorder(CutRecorder):
         self, job: Job, trace: Trace, whole: CylinderResult | None, sections: Sequence[PartSection]
     ) -> None:
         """Keep the part of the last cut."""
-        more = form_event(whole, sections)
+        more = {SECTION_Z: middle_mm(job), **form_event(whole, sections)}
         self._keep(job, trace, part=self._name, product=self._product, proven=self._proven, more=more)
 
 

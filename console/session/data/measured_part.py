@@ -32,7 +32,8 @@ from profiles.metrology.conformity import (
 from profiles.metrology.length_causes import CAUSES, LengthCause, LengthCauseKind
 from profiles.problem import Problem
 from profiles.strict_values import from_json, number, number_or_none, text, whole_number
-from profiles.traces import Trace, parse_trace
+from profiles.trace_files.sections import parse_sections
+from profiles.traces import Trace
 
 if TYPE_CHECKING:
     from profiles.compensations.force_null import ForceNull
@@ -72,6 +73,8 @@ TOOL_LOBE, PUSH = "tool_lobe_um", "push_um"
 CHANGED = "changed"
 CUT_JAW, AS_FILED = "cut_jaw_1_deg", "file"
 FINGERPRINT = "fingerprint"
+SECTION, SECTION_Z = "section", "section_z_mm"
+"""Which section of its file a part was judged by, from the lowest up, and the Z of it, None if not stated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -312,7 +315,7 @@ class RecordedPart:
 
     `part` names it among those of its run, empty for the only one; `product` is False of one that was cut for
     comparison. `data` has the parameters, the harmonics ("harmonics": n, amplitude_um, phase_deg) and the proposed
-    learning step ("learning"). `trace` are the bytes of the trace's file, as `profiles.traces.parse_trace` takes
+    learning step ("learning"). `trace` are the bytes of the trace's file, as `parse_sections` takes
     them; None where it was not kept or cannot be read. `trace_name` is that of an imported file. `number`, `at`
     and `trace_sha256` are given by the record, as is how its run was cut; None is not recorded. `compensation` and
     `inverted` are those of `RunRow`.
@@ -417,10 +420,15 @@ class RecordedPart:
         return False if self.is_round is False else passes_all(self.judged)
 
     def read_trace(self) -> Trace | None:
-        """Parse the trace, with the operator's answers in its header; None without one. ProfileError."""
+        """Parse the trace of the judged section, with the operator's answers in its header; None without one.
+
+        Raises ProfileError: it cannot be read.
+        """
         if self.trace is None:
             return None
-        trace, answers = parse_trace(self.trace, where=self.trace_name or ""), self.data.get("answers")
+        sections, place = parse_sections(self.trace, where=self.trace_name or ""), self.data.get(SECTION)
+        trace = sections[place if isinstance(place, int) and 0 <= place < len(sections) else 0].trace
+        answers = self.data.get("answers")
         given = {k: v for k, v in answers.items() if isinstance(v, str)} if isinstance(answers, Mapping) else {}
         return replace(trace, meta=MappingProxyType({**trace.meta, **given}))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import cmath
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,27 +16,41 @@ from typing import Any
 import numpy as np
 
 from console.session.cut.recording import mean_diameter_of
-from console.session.cut.run import FILTER_UPR
+from console.session.cut.run import FILTER_UPR, measured_whole
 from console.session.data.measured_part import RecordedPart, is_other_lathe
 from console.session.errors import SessionError, refuse
 from console.session.learning.learning_steps import is_simulated, lathe_of
 from profiles.arrays import Floats, read_only
 from profiles.files import printable
 from profiles.job import Job
+from profiles.lobe.cut_error import middle_mm
 from profiles.metrology.circles import ReferenceCircle
-from profiles.metrology.cylindricity import CylinderResult
+from profiles.metrology.cylindricity import LEAST_SECTIONS, CylinderResult, evaluate_points, part_section
 from profiles.metrology.harmonics import Harmonic
 from profiles.metrology.turns import Turns, several_turns, tool_offset_um
-from profiles.problem import Problem
+from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult, centred_profile, evaluate
 from profiles.strict_values import number_or_none
-from profiles.trace_files.header import TraceHeader, header_of, size_doubt, unit_doubt
-from profiles.trace_files.sections import TraceSection
-from profiles.traces import Trace, parse_trace, read_trace_file
+from profiles.trace_files.header import Z_FROM, TraceHeader, header_of, size_doubt, unit_doubt
+from profiles.trace_files.sections import (
+    HEIGHT,
+    SurfacePoints,
+    TraceSection,
+    no_sections,
+    parse_surface,
+    read_sections,
+    sections_content,
+)
+from profiles.traces import Trace, read_trace_file
 
 FREE, CLAMPED = "free", "clamped"
 QUESTIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {"state": (FREE, CLAMPED), "direction": ("cw", "ccw"), "start_mark": ("jaw 1", "spindle index", "unknown")}
+    {
+        "state": (FREE, CLAMPED),
+        "direction": ("cw", "ccw"),
+        "start_mark": ("jaw 1", "spindle index", "unknown"),
+        "z_from": Z_FROM,
+    }
 )
 """Header keys that an operator is asked for where the file does not state them, with the possible answers."""
 
@@ -53,13 +68,14 @@ class EvaluatedPart:
     the result by which it is judged, None if it is not, for `problems` or before the state is known. `result` and
     `profile_um` raise ProfileError if the trace cannot be evaluated.
 
-    The trace of a file, at `path` with this `content`, has the operator's answers among its header lines. `asked`
-    are the keys that the file does not state, `open` those of them without an answer yet.
+    The trace of a file, at `path` with this `content`, has the operator's answers among its header lines; that of
+    several, `others` beside the first, has the content of one file with all of their sections. `asked` are the
+    keys that it does not state, `open` those of them without an answer yet.
 
     `sections` are all measured ones from the lowest Z up, in the job's Z (mm from the jaw faces), each as one turn
-    at the angles of `turn`; `trace` and `turn` are those of the section nearest to the middle of the cut. With one
-    section only its `z_mm` may be None: not stated. `whole` is the form over the length, None where sections are
-    too few for it.
+    at the angles of `turn`; `trace` and `turn` are those at `section_z_mm`, the nearest to the middle of the cut.
+    With one section only it may be None: not stated. `whole` is the form over the length, None where sections are
+    too few for it. `place` counts the sections of the content that are below in its own heights.
     """
 
     trace: Trace
@@ -75,11 +91,14 @@ class EvaluatedPart:
     problems: tuple[Problem, ...] = ()
     recorded: RecordedPart | None = None
     path: Path = Path()
+    others: tuple[Path, ...] = ()
     content: bytes = field(default=b"", repr=False)
     asked: tuple[str, ...] = ()
     open: tuple[str, ...] = ()
     sections: tuple[TraceSection, ...] = ()
     whole: CylinderResult | None = None
+    section_z_mm: float | None = None
+    place: int = 0
 
     @cached_property
     def result(self) -> RoundnessResult:
@@ -98,6 +117,12 @@ class EvaluatedPart:
     def sha256(self) -> str:
         """The hash of the file."""
         return hashlib.sha256(self.content).hexdigest()
+
+    @property
+    def name(self) -> str:
+        """The name of the file, and how many more there are."""
+        more = f" + {len(self.others)}" if self.others else ""
+        return printable(self.path.name) + more
 
     @property
     def ready(self) -> bool:
@@ -176,45 +201,185 @@ def evaluate_part(
 
 
 def read_gauge_file(
-    path: Path, job: Job, answers: Mapping[str, str], *, simulated: bool, lathe: str = ""
+    path: Path,
+    job: Job,
+    answers: Mapping[str, str],
+    *,
+    simulated: bool,
+    lathe: str = "",
+    others: tuple[Path, ...] = (),
 ) -> EvaluatedPart:
-    """Read the trace in a file for a part of `job`, cut with jaw 1 where the job has it.
+    """Read the sections in a file, or in several, for a part of `job`, cut with jaw 1 where the job has it.
 
     `answers` replace the keys of `QUESTIONS` that the file does not state; `simulated`: the part was cut in a
-    simulator, `lathe` names the simulated lathe, "" if unknown.
+    simulator, `lathe` names the simulated lathe, "" if unknown. It is judged by the section nearest to the middle
+    of the cut. Of points that are no sections only `whole` is known: they are a problem.
 
     Raises ProfileError: the file cannot be read, or its points cannot be evaluated.
     """
-    content = read_trace_file(path)
-    filed = parse_trace(content, where=printable(str(path)))
-    asked = _list_questions(header_of(filed.meta)[0])
+    content, filed = _read_files(path, others)
+    if isinstance(filed, SurfacePoints):
+        return _points_of_file(path, content, filed, job)
+    heights = filed[0].z_mm is not None
+    asked = _list_questions(header_of(filed[0].trace.meta)[0], heights=heights)
     given = {key: answers[key] for key in asked if key in answers}
-    trace = replace(filed, meta=MappingProxyType({**filed.meta, **given}))
-    header, warnings = header_of(trace.meta)
-    open_ = tuple(key for key in _list_questions(header) if key not in given)
-    problems = _refusals(trace, header, simulated=simulated, lathe=lathe)
-    turn, turns = fold_turns(trace, header)
-    result = None
-    if not problems and header.state != UNKNOWN_STATE:
-        result = evaluate(
-            turn.angle_deg, turn.deviation_um, FILTER_UPR, state=header.state, radius_mm=header.radius_of(job)
-        )
-        result = turn_result_to_spindle(result, header, job.jaw_1_deg)
-        problems = unit_doubt(result.ront_um, trace.meta, plane=trace.centre_mm is not None)
+    traces = [replace(each.trace, meta=MappingProxyType({**each.trace.meta, **given})) for each in filed]
+    header, warnings = header_of(traces[0].meta)
+    heights_mm, outside = _place_heights([each.z_mm for each in filed], header, job)
+    place = _middle_of(heights_mm, job)
+    folded = [fold_turns(each, header) for each in traces]
+    turned = [turn_to_spindle(turn, header, job.jaw_1_deg) for turn, _ in folded]
+    on_part = [TraceSection(z_mm=z_mm, trace=turn) for z_mm, turn in zip(heights_mm, turned, strict=True)]
+    found = EvaluatedPart(
+        path=path,
+        others=others,
+        content=content,
+        trace=traces[place],
+        header=header,
+        turn=turned[place],
+        turns=folded[place][1],
+        job=job,
+        asked=asked,
+        open=tuple(key for key in _list_questions(header, heights=heights) if key not in given),
+        warnings=warnings,
+        problems=(*_refusals(traces[place], header, simulated=simulated, lathe=lathe), *outside),
+        sections=tuple(sorted(on_part, key=lambda each: each.z_mm or 0.0)),
+        section_z_mm=heights_mm[place],
+        place=place,
+    )
+    if found.problems or header.state == UNKNOWN_STATE or "z_from" in found.open:
+        return found
+    return _judge(found, [(z_mm, turn) for z_mm, (turn, _) in zip(heights_mm, folded, strict=True)], job)
+
+
+def _read_files(path: Path, others: tuple[Path, ...]) -> tuple[bytes, tuple[TraceSection, ...] | SurfacePoints]:
+    if others:
+        sections = read_sections((path, *others))
+        return sections_content(sections), sections
+    content = read_trace_file(path)
+    return content, parse_surface(content, where=printable(str(path)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FiledSections:
+    """The sections of a file at the angles of the file, in the job's Z; `trace` is the one at `section_z_mm`."""
+
+    content: bytes = field(repr=False)
+    sections: tuple[TraceSection, ...]
+    trace: Trace
+    section_z_mm: float | None
+
+
+def read_section_file(path: Path, job: Job) -> FiledSections:
+    """Read the sections in a file for a part of `job`, with what its header states and nothing besides.
+
+    Raises ProfileError: as `parse_sections`; `trace.unanswered`, several that do not state `# z_from`;
+    `trace.off_cut`.
+    """
+    where = printable(str(path))
+    content, filed = _read_files(path, ())
+    if isinstance(filed, SurfacePoints):
+        raise ProfileError(no_sections(filed, where))
+    header, _ = header_of(filed[0].trace.meta)
+    heights_mm, outside = _place_heights([each.z_mm for each in filed], header, job)
+    if outside:
+        raise ProfileError(*outside)
+    if len(filed) > 1 and header.z_from is None:
+        raise ProfileError(Problem(code="trace.unanswered", where=where, key=f"# z_from: {' | '.join(Z_FROM)}"))
+    heights_mm = heights_mm if header.z_from is not None else [None]
+    place = _middle_of(heights_mm, job)
+    sections = [TraceSection(z_mm=z, trace=each.trace) for z, each in zip(heights_mm, filed, strict=True)]
+    return FiledSections(
+        content=content,
+        sections=tuple(sorted(sections, key=lambda each: each.z_mm or 0.0)),
+        trace=filed[place].trace,
+        section_z_mm=heights_mm[place],
+    )
+
+
+def _middle_of(heights_mm: Sequence[float | None], job: Job) -> int:
+    """Return which section is the nearest to the middle of the cut."""
+    return min(range(len(heights_mm)), key=lambda at: abs((heights_mm[at] or 0.0) - middle_mm(job)))
+
+
+def _judge(found: EvaluatedPart, turns: Sequence[tuple[float | None, Trace]], job: Job) -> EvaluatedPart:
+    """Return a part with its result and its form; `turns` are its sections at the angles of the file."""
+    header, results = found.header, list[RoundnessResult]()
+    for z_mm, turn in turns:
+        with at_height(z_mm if len(turns) > 1 else None):
+            radius_mm = header.radius_of(job)
+            results.append(
+                evaluate(turn.angle_deg, turn.deviation_um, FILTER_UPR, state=header.state, radius_mm=radius_mm)
+            )
+    others = [(z, each) for (z, _), each in zip(turns, results, strict=True) if each is not results[found.place]]
+    warnings = tuple(replace(each, where=f"Z {z:g} mm") for z, result in others for each in result.warnings)
+    whole = measured_whole([part_section(each) for each in found.sections if each.z_mm is not None])
+    if others and whole is None:
+        value, limit = str(len(turns)), f">= {LEAST_SECTIONS}"
+        warnings += (Problem(code="trace.few_sections", key=HEIGHT, value=value, limit=limit),)
+    result = turn_result_to_spindle(results[found.place], header, job.jaw_1_deg)
+    trace = found.trace
+    problems = unit_doubt(result.ront_um, trace.meta, plane=trace.centre_mm is not None)
+    return replace(
+        found,
+        judged=None if problems else result,
+        whole=whole,
+        warnings=(*found.warnings, *warnings),
+        problems=problems,
+    )
+
+
+@contextmanager
+def at_height(z_mm: float | None) -> Iterator[None]:
+    """Name the height of a section in the problems of its evaluation; None: it is the only one."""
+    try:
+        yield
+    except ProfileError as error:
+        where = "" if z_mm is None else f"Z {z_mm:g} mm"
+        raise ProfileError(*(replace(each, where=each.where or where) for each in error.problems)) from error
+
+
+def _points_of_file(path: Path, content: bytes, filed: SurfacePoints, job: Job) -> EvaluatedPart:
+    """Return points that are no sections: their form is known, but no roundness."""
+    cloud = Trace(angle_deg=filed.angle_deg, deviation_um=filed.deviation_um, meta=filed.meta)
+    header, warnings = header_of(filed.meta)
     return EvaluatedPart(
         path=path,
         content=content,
-        trace=trace,
+        trace=cloud,
         header=header,
-        turn=turn_to_spindle(turn, header, job.jaw_1_deg),
-        turns=turns,
+        turn=cloud,
         job=job,
-        asked=asked,
-        open=open_,
-        judged=None if problems else result,
+        whole=evaluate_points(filed),
         warnings=warnings,
-        problems=problems,
+        problems=(no_sections(filed, ""),),
     )
+
+
+def _place_heights(
+    filed_mm: Sequence[float | None], header: TraceHeader, job: Job
+) -> tuple[Sequence[float | None], tuple[Problem, ...]]:
+    """Return the heights of a file in the job's Z, and a problem for each that is not on its cut.
+
+    From the free end they are counted into the part, with either sign. Without an answer they stay as filed.
+    """
+    known = [each for each in filed_mm if each is not None]
+    if header.z_from is None or not known:
+        return filed_mm, ()
+    into = -1.0 if max(known) <= 0.0 else 1.0
+    found = [job.overhang_mm - into * each if header.z_from == Z_FROM[1] else each for each in known]
+    first_mm, last_mm = job.overhang_mm - job.cut_length_mm, job.overhang_mm
+    problems = tuple(
+        Problem(
+            code="trace.off_cut",
+            key=f"{HEIGHT} {own:g} ({header.z_from})",
+            value=f"{z_mm:g} mm",
+            limit=f"{first_mm:g} … {last_mm:g} mm",
+        )
+        for own, z_mm in zip(known, found, strict=True)
+        if not first_mm - SAME_MM <= z_mm <= last_mm + SAME_MM
+    )
+    return found, problems[:1]
 
 
 def refuse_unready(found: EvaluatedPart) -> None:
@@ -224,11 +389,10 @@ def refuse_unready(found: EvaluatedPart) -> None:
     """
     refuse(found.problems)
     if found.open:
-        where = printable(found.path.name)
-        raise SessionError(Problem(code="trace.unanswered", where=where, key=", ".join(found.open)))
+        raise SessionError(Problem(code="trace.unanswered", where=found.name, key=", ".join(found.open)))
 
 
-def _list_questions(header: TraceHeader) -> tuple[str, ...]:
+def _list_questions(header: TraceHeader, *, heights: bool) -> tuple[str, ...]:
     """Return the keys that a header leaves open; without a mark, the direction says nothing."""
     marked = header.jaw_1_deg is not None or header.start_mark is not None
     tied = header.jaw_1_deg is not None or header.start_mark != "unknown"
@@ -236,6 +400,7 @@ def _list_questions(header: TraceHeader) -> tuple[str, ...]:
         "state": header.state == UNKNOWN_STATE,
         "direction": tied and header.direction is None,
         "start_mark": not marked,
+        "z_from": heights and header.z_from is None,
     }
     return tuple(key for key in QUESTIONS if missing[key])
 

@@ -254,7 +254,8 @@ class TakeControl(Command):
 class TakeTrace(Command):
     """Judge a part by the trace in a file: the part in the chuck, or else the newest of this job in the record.
 
-    `answers` are for the header keys that the file does not state, `sha256` is of the file as the operator saw it.
+    `answers` are for the header keys that the file does not state, `sha256` is of the content as the operator saw
+    it. `others` are further files, each with sections of the same part.
     """
 
     path: Path
@@ -262,6 +263,7 @@ class TakeTrace(Command):
     job: Job
     loaded: LoadedJob | None
     answers: Mapping[str, str]
+    others: tuple[Path, ...] = ()
 
 
 class CorrectTouchOff(Command):

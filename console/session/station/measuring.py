@@ -6,12 +6,13 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 from console.session.cut.alignment import unclamp_blank
 from console.session.cut.recording import form_event, part_record
 from console.session.cut.run import measured_whole, roundness_of
 from console.session.data.learned_store import asked_for
-from console.session.data.measured_part import CutPart, RecordedPart, newest_part
+from console.session.data.measured_part import SECTION, SECTION_Z, CutPart, RecordedPart, newest_part
 from console.session.data.records import add_to_run
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, lobe_of
@@ -28,6 +29,7 @@ from drivers.cutting.strategy import Strategy
 from profiles.files import printable
 from profiles.job import Job
 from profiles.lobe.cut_error import middle_mm
+from profiles.metrology.cylindricity import part_section
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob
 from profiles.trace_files.header import header_of
@@ -83,18 +85,19 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     cut, job, loaded = _cut_of(context, command)
     try:
         simulated = context.shop is not None
-        found = read_gauge_file(command.path, job, command.answers, simulated=simulated, lathe=cut.lathe)
+        how: dict[str, Any] = {"simulated": simulated, "lathe": cut.lathe, "others": command.others}
+        found = read_gauge_file(command.path, job, command.answers, **how)
     except ProfileError as refused:  # a bad file is a refusal: nothing is wrong with the machine
         raise SessionError(*refused.problems) from refused
     if found.sha256 != command.sha256:
-        raise SessionError(Problem(code="trace.changed", where=printable(found.path.name)))
+        raise SessionError(Problem(code="trace.changed", where=found.name))
     run_id = context.record.run_id if cut.run_id is None and context.record is not None else cut.run_id
     found = of_this_part(found, context.records, run_id)
     refuse_unready(found)
-    part = _judge_part(context, cut, loaded, found, (printable(found.path.name), found.sha256))
+    part = _judge_part(context, cut, loaded, found, (found.name, found.sha256))
     measured = {**_event(part), **_file_event(found), **command.answers}
-    asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(job)}
-    kept = _part_to_record(part, found.trace, (printable(found.path.name), found.content), asked)
+    asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(job), SECTION: found.place}
+    kept = _part_to_record(part, found.trace, (found.name, found.content), asked)
     if cut.run_id is not None:
         add_to_run(context.records, cut.run_id, "measured", measured, kept)
     elif context.record is not None:
@@ -156,6 +159,9 @@ def _judge_part(
         jaw_1_deg=job.jaw_1_deg,
         phase_known=phase_known,
         lobe=lobe,
+        whole=found.whole,
+        sections=tuple(part_section(each) for each in found.sections if each.z_mm is not None),
+        section_z_mm=found.section_z_mm,
         diameter_mm=found.mean_diameter_mm,
         tool_offset_um=found.tool_offset_um,
         marks_mm=context.state.marks_mm if cut.run_id is None else (),
@@ -229,6 +235,7 @@ def _part_to_record(
         "learning": learning_event(learning),
         "jaw_1_deg": part.jaw_1_deg,
         "phase_known": part.phase_known,
+        SECTION_Z: part.section_z_mm,
         **asked,
         **form_event(part.whole, part.sections),
     }
@@ -239,4 +246,5 @@ def _part_to_record(
 
 def _file_event(found: EvaluatedPart) -> dict[str, object]:
     """Return the file of a measurement, so that it can be found again."""
-    return {"trace": printable(found.path.name), "trace_sha256": found.sha256}
+    files = [printable(each.name) for each in (found.path, *found.others)]
+    return {"trace": found.name, "trace_sha256": found.sha256, **({"files": files} if found.others else {})}

@@ -12,8 +12,9 @@ from textual.containers import Horizontal, Vertical
 
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
+from console.text.part_sentences import at_height, extraction_words
 from console.tui.inspection.comparison import PartComparison, Side, tolerance_rings_um
-from console.tui.lines import BLANK, Line, Sheet, entitle
+from console.tui.lines import BLANK, Line, Sheet, entitle, wrap_line
 from console.tui.pages import inspect_lines
 from console.tui.plot.canvas import DOTS_ACROSS
 from console.tui.plot.cell_view import Cells, CellView
@@ -259,4 +260,8 @@ def full_lines(seen: PartComparison, text: Catalogue, width: int, *, simulated: 
     """Return every figure of both parts, without a height."""
     room = min(width, _WIDEST_TABLE)
     rows = inspect_lines.result_lines(seen, simulated, text, room, _EVERY_ROW, lobe_elsewhere=True)
+    rows += wrap_line(at_height(seen.part.section_z_mm, text), width)
+    if seen.part.whole is not None:
+        said = extraction_words(seen.part.whole, seen.part.trace.meta, text)
+        rows += [row for each in said for row in wrap_line(each, width, Token.DIM)]
     return [*rows, BLANK, *inspect_lines.harmonic_lines(seen, text, room, _EVERY_ROW)]

@@ -313,6 +313,8 @@ class InspectPage(ChartPage):
             self._chooser.answer(action)
         elif action == "inspect.path":
             self._chooser.type_path()
+        elif action == "inspect.together":
+            self._chooser.mark()
         else:
             self._chooser.take()
 

@@ -52,7 +52,7 @@ def filter_words(result: RoundnessResult, text: Catalogue) -> str:
 
 
 def caption_lines(seen: PartComparison, text: Catalogue, width: int, *, beyond: bool = False) -> list[Line]:
-    """Return the legend of the traces, and where jaw 1 is; or that the zoom leaves something `beyond` the plot."""
+    """Return the legend of the traces, jaw 1 and the section; or that the zoom leaves something `beyond`."""
     before, after = seen.before, seen.after
     what = text("inspect_page.measured_before") if before.result else text("inspect_page.stated")
     if seen.other is not None and seen.other.recorded is not None:
@@ -67,6 +67,8 @@ def caption_lines(seen: PartComparison, text: Catalogue, width: int, *, beyond: 
         return [*lines, line((fit_text(text("inspect_page.not_turned"), width), Token.WARNING))]
     angle = f"{seen.part.jaw_1_deg:.1f}"
     jaw = text("inspect_page.jaw", angle=angle) if seen.part.phase_known else text("inspect_page.jaw_unknown")
+    if seen.part.whole is not None and (z_mm := seen.part.section_z_mm) is not None:
+        jaw += f" · {text('inspect_page.trace_at', z=text.units.show(z_mm, 'mm', 2))}"
     return [*lines, line(dim(fit_text(jaw, width)))]
 
 

@@ -31,7 +31,12 @@ from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 
 Found = EvaluatedPart | tuple[Problem, ...]
-ANSWERS = {"inspect.state": "state", "inspect.direction": "direction", "inspect.mark": "start_mark"}
+ANSWERS = {
+    "inspect.state": "state",
+    "inspect.direction": "direction",
+    "inspect.mark": "start_mark",
+    "inspect.height": "z_from",
+}
 """Question that an action answers."""
 
 OPEN_KEYS = (
@@ -41,6 +46,7 @@ OPEN_KEYS = (
         RowKey(action=action, shown=KEYS[question], words=f"trace_import.key.{question}")
         for action, question in ANSWERS.items()
     ),
+    RowKey(action="inspect.together", shown="g", words="trace_import.key.together"),
     RowKey(action="inspect.path", shown="p", words="trace_import.key.path"),
     RowKey(action="inspect.import", shown="i", words="key.list.close"),
 )
@@ -53,13 +59,14 @@ Changed = tuple[int, int]
 """When a file or a folder was changed, ns, and its size; zeros where it is gone."""
 
 GONE: Changed = (0, 0)
+Paths = tuple[Path, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceFolder:
     """What was found: the files, those of typed paths first, the others newest first, and when they were changed.
 
-    `file` is the one that was asked for. `problems`: why the folder can no longer be read. `part` is the newest
+    `chosen` are those that were asked for. `problems`: why the folder can no longer be read. `part` is the newest
     one in the record at the first look.
     """
 
@@ -69,8 +76,8 @@ class TraceFolder:
     typed: tuple[Path, ...] = ()
     files: tuple[Path, ...] = ()
     dates_ns: Mapping[Path, int] = field(default_factory=dict)
-    file: Path | None = None
-    changed: Changed = GONE
+    chosen: Paths = ()
+    changed: tuple[Changed, ...] = ()
     problems: tuple[Problem, ...] = ()
 
 
@@ -89,12 +96,12 @@ class TraceListing:
         self._turn, self._last = self._turn + 1, None
 
     def look(
-        self, file: Path | None, typed: tuple[Path, ...], part: Callable[[], CutPart | None]
+        self, chosen: Paths, typed: Paths, part: Callable[[], CutPart | None]
     ) -> TraceFolder | Problems | None:
         """Return the newest poll; problems where nothing can be read at all, None before the first one."""
         before = self._last if isinstance(self._last, TraceFolder) else None
-        question = (self._turn, file, typed)
-        found = self._looks.answer(question, lambda: _poll_folder(self._data, before, file, typed, part))
+        question = (self._turn, chosen, typed)
+        found = self._looks.answer(question, lambda: _poll_folder(self._data, before, chosen, typed, part))
         if found is not None:
             self._turn, self._last = self._turn + 1, found
         return self._last
@@ -112,21 +119,21 @@ class TraceListing:
 def _poll_folder(
     data: Path,
     before: TraceFolder | None,
-    file: Path | None,
-    typed: tuple[Path, ...],
+    chosen: Paths,
+    typed: Paths,
     part: Callable[[], CutPart | None],
 ) -> TraceFolder:
     """Poll once; the folder is listed again only where something in it has come or gone."""
-    at = GONE if file is None else read_change_date(file)
+    at = tuple(map(read_change_date, chosen))
     if before is None:
         folder = trace_folder(data)
         listed = read_change_date(folder)
-        first = TraceFolder(folder=folder, part=part(), listed=listed, file=file, changed=at)
+        first = TraceFolder(folder=folder, part=part(), listed=listed, chosen=chosen, changed=at)
         return _with_files(first, typed, list_trace_files(folder))
     listed = read_change_date(before.folder)
     if listed == before.listed and typed == before.typed:
-        return replace(before, file=file, changed=at)
-    now = replace(before, listed=listed, file=file, changed=at, problems=())
+        return replace(before, chosen=chosen, changed=at)
+    now = replace(before, listed=listed, chosen=chosen, changed=at, problems=())
     try:
         return _with_files(now, typed, list_trace_files(before.folder))
     except ProfileError as error:
@@ -149,10 +156,10 @@ def read_change_date(path: Path) -> Changed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Question:
-    """A file as it was when it was asked for, and what is known besides."""
+    """Files as they were when they were asked for, and what is known besides."""
 
-    path: Path
-    changed: Changed
+    chosen: Paths
+    changed: tuple[Changed, ...]
     job: Job
     answers: tuple[tuple[str, str], ...]
     simulated: bool
@@ -181,9 +188,14 @@ class _TraceReader:
     def _read(self, question: _Question) -> None:
         found: Found
         try:
-            simulated, lathe = question.simulated, question.lathe
+            path, *others = question.chosen
             read = read_gauge_file(
-                question.path, question.job, dict(question.answers), simulated=simulated, lathe=lathe
+                path,
+                question.job,
+                dict(question.answers),
+                simulated=question.simulated,
+                lathe=question.lathe,
+                others=tuple(others),
             )
             found = of_this_part(read, self._data, question.run_id)
         except ProfileError as error:
@@ -260,7 +272,15 @@ class TraceChooser(Horizontal):
         """Select another file."""
         if self._choice is not None and self._choice.files:
             selected = min(max(self._choice.selected + by, 0), len(self._choice.files) - 1)
-            self._choice = replace(self._choice, selected=selected, answers={})
+            answers = self._choice.answers if self._choice.together else {}
+            self._choice = replace(self._choice, selected=selected, answers=answers)
+
+    def mark(self) -> None:
+        """Read the selected file together with the marked ones, or no longer."""
+        choice = self._choice
+        if choice is not None and choice.file is not None:
+            marked = frozenset((choice.file,))
+            self._choice = replace(choice, together=choice.together ^ marked, answers={})
 
     def answer(self, action: str) -> None:
         """Step through the answers to a question that the file leaves open."""
@@ -284,6 +304,8 @@ class TraceChooser(Horizontal):
         choice, key = self._choice, ANSWERS.get(action, "")
         if choice is None or action in _ALWAYS or (action == "inspect.next" and self.is_typing):
             return ()
+        if action == "inspect.together":
+            return () if len(choice.files) > 1 else (Problem(code="trace.one_file"),)
         if action == "inspect.next":
             taken = isinstance(choice.found, EvaluatedPart) and choice.ready and self._ui.work is not None
             return () if taken else (Problem(code="trace.not_ready"),)
@@ -312,7 +334,12 @@ class TraceChooser(Horizontal):
         loaded = None if work.edited else work.loaded
         self._ui.control.post(
             TakeTrace(
-                path=found.path, sha256=found.sha256, job=work.job, loaded=loaded, answers=dict(choice.answers)
+                path=found.path,
+                others=found.others,
+                sha256=found.sha256,
+                job=work.job,
+                loaded=loaded,
+                answers=dict(choice.answers),
             )
         )
         self.close()
@@ -352,7 +379,7 @@ class TraceChooser(Horizontal):
 
         None where nothing can be read: the answer says why, and the list is closed.
         """
-        look = self._listing.look(choice.file, self._typed, self._part)
+        look = self._listing.look(choice.chosen, self._typed, self._part)
         if look is None or look is self._look:
             return choice
         if not isinstance(look, TraceFolder):
@@ -362,7 +389,9 @@ class TraceChooser(Horizontal):
         if look.problems and (self._look is None or look.problems != self._look.problems):
             self._ui.key_answer = look.problems
         self._look = look
+        together = choice.together & frozenset(look.files)
         choice = replace(choice, listed=True, folder=look.folder, part=look.part, dates_ns=look.dates_ns)
+        choice = replace(choice, together=together)
         if look.files == choice.files:
             return choice
         if choice.file in look.files:
@@ -395,13 +424,13 @@ class TraceChooser(Horizontal):
         if choice.file is None:
             return None
         look = self._look
-        if look is None or look.file != choice.file:
+        if look is None or look.chosen != choice.chosen:
             return None  # it has just been selected
         answers = tuple(sorted(choice.answers.items()))
         lathe = state.lathe if state.cut_done else "" if look.part is None else look.part.lathe
         return self._reader.answer(
             _Question(
-                path=choice.file,
+                chosen=choice.chosen,
                 changed=look.changed,
                 job=job,
                 answers=answers,
@@ -431,6 +460,9 @@ class TraceChooser(Horizontal):
         if self.is_typing:
             rows = [(), *rows]
         self._files.show(rows[: max(files.height, 1)], text("trace_import.title", count=len(choice.files)))
-        name = "" if choice.file is None else name_in(printable(choice.file.name), max(facts.width - 4, 1))
+        shown = printable(choice.file.name) if choice.file is not None else ""
+        if choice.together:
+            shown = text("trace_import.together", count=len(choice.together))
+        name = name_in(shown, max(facts.width - 4, 1))
         rows = fact_lines(choice, text, max(facts.width, 1))
         self._facts.show(clip_lines(rows, facts.height, text("panel.more")), name)

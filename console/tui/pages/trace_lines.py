@@ -11,13 +11,15 @@ from console.session.cut.run import FILTER_UPR
 from console.session.data.measured_part import CutPart
 from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart
 from console.text.catalogue import Catalogue
+from console.text.part_sentences import at_height, extraction_words
 from console.tui.lines import BLANK, NOTHING, Line, dim, fit_text, hanging, justify_line, line, name_in, wrap_line
 from console.tui.pages.learn_lines import part_words
 from console.tui.theme import Token
 from profiles.files import printable
+from profiles.metrology.cylindricity import MINIMUM_ZONE
 from profiles.problem import Problem
 
-KEYS = {"state": "s", "direction": "d", "start_mark": "j"}
+KEYS = {"state": "s", "direction": "d", "start_mark": "j", "z_from": "e"}
 """Key that steps through the answers to each question."""
 
 _DATE_CELLS = 12
@@ -28,7 +30,8 @@ _LABEL_CELLS = 14
 class Choice:
     """What the chooser shows: the files once they are `listed`, and when they were changed.
 
-    `found` is the trace of the selected file, or why it cannot be read; None: not yet.
+    `together` are the marked files, each with sections of one part. `found` is the trace of them, or else of the
+    selected file, or why it cannot be read; None: not yet.
     `part` is the part in the record that a trace is taken for, None where it is the one in the chuck (`in_chuck`)
     or there is none.
     """
@@ -40,6 +43,7 @@ class Choice:
     selected: int = 0
     found: EvaluatedPart | tuple[Problem, ...] | None = None
     answers: Mapping[str, str] = field(default_factory=dict)
+    together: frozenset[Path] = frozenset()
     part: CutPart | None = None
     in_chuck: bool = False
 
@@ -47,6 +51,12 @@ class Choice:
     def file(self) -> Path | None:
         """The selected file."""
         return self.files[self.selected] if self.files else None
+
+    @property
+    def chosen(self) -> tuple[Path, ...]:
+        """The files that are read: those marked, in the order of the list, or else the selected one."""
+        marked = tuple(each for each in self.files if each in self.together)
+        return marked or (() if self.file is None else (self.file,))
 
     @property
     def ready(self) -> bool:
@@ -65,7 +75,7 @@ def file_lines(choice: Choice, text: Catalogue, width: int, height: int) -> list
     room = max(height - len(where) - 1, 1)
     first = min(max(choice.selected - room // 2, 0), max(len(choice.files) - room, 0))
     rows = [
-        _file_row(path, choice.dates_ns.get(path, 0), place == choice.selected, width)
+        _file_row(path, choice.dates_ns.get(path, 0), place == choice.selected, path in choice.together, width)
         for place, path in enumerate(choice.files[first : first + room], start=first)
     ]
     return [*rows, BLANK, *where]
@@ -83,15 +93,29 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
         return [*rows, BLANK, line(dim(text("trace_import.reading")))]
     if not isinstance(found, EvaluatedPart):
         return [*rows, BLANK, *_problem_lines(found, text, width)]
-    points, turns = found.trace.angle_deg.size, found.header.turns
-    rows += [BLANK, _row(text("trace_import.points"), str(points), width)]
-    rows.append(_row(text("trace_import.turns"), str(turns), width))
-    rows += [_stated_row(found, key, text, width) for key in QUESTIONS]
+    rows += [BLANK, _row(text("trace_import.points"), str(found.trace.angle_deg.size), width)]
+    rows += _section_rows(found, text, width) if found.sections else []
+    if found.whole is not None:
+        cylt_um = found.whole.cylinder(MINIMUM_ZONE).cylt_um
+        rows.append(_row("CYLt MZCY", text.units.show(cylt_um, "um", 2), width, Token.STRONG))
+    rows += _problem_lines((*found.problems, *_warnings(found)), text, width)
+    if found.whole is not None:
+        for words in extraction_words(found.whole, found.trace.meta, text):
+            rows += wrap_line(words, width, Token.DIM)
+    return rows
+
+
+def _section_rows(found: EvaluatedPart, text: Catalogue, width: int) -> list[Line]:
+    """Return how the sections were measured, and the roundness of the one that is judged."""
+    heights = found.section_z_mm is not None
+    rows = [_row(text("trace_import.turns"), str(found.header.turns), width)]
+    rows += [_stated_row(found, key, text, width) for key in QUESTIONS if key != "z_from" or heights]
     circle = text("trace_import.judged_by", upr=f"{FILTER_UPR:g}")
     rows.append(_row(text("trace_import.circle"), circle, width))
     ront = NOTHING if found.judged is None else text.units.show(found.judged.ront_um, "um", 2)
     rows.append(_row("RONt", ront, width, Token.STRONG))
-    return [*rows, *_problem_lines((*found.problems, *_warnings(found)), text, width)]
+    known = "z_from" not in found.open
+    return [*rows, *(wrap_line(at_height(found.section_z_mm, text), width) if known else ())]
 
 
 def next_words(choice: Choice, text: Catalogue) -> str:
@@ -124,8 +148,9 @@ def _part_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     return rows
 
 
-def _file_row(path: Path, changed_ns: int, selected: bool, width: int) -> Line:
-    mark, token = ("▸ ", Token.STRONG) if selected else ("  ", Token.TEXT)
+def _file_row(path: Path, changed_ns: int, selected: bool, together: bool, width: int) -> Line:
+    mark, token = ("▸", Token.STRONG) if selected else (" ", Token.TEXT)
+    mark += "+" if together else " "
     name = name_in(printable(path.name), max(width - len(mark) - _DATE_CELLS - 1, 1))
     return justify_line(line((mark + name, token)), line(dim(f" {_date(changed_ns)}")), width)
 

@@ -332,7 +332,11 @@ class SimulatedWorkshop:
             self.watch.release()
             if self._load is not None:
                 self._load.clamp(None)
-        return self._gauge.trace(self._free_um(part, between), self._nominal_radius_mm, FREE)
+        trace = self._gauge.trace(self._free_um(part, between), self._nominal_radius_mm, FREE)
+        if self._job is None:
+            return trace
+        z_mm = self._job.overhang_mm - 0.5 * self._job.cut_length_mm - past_middle_mm
+        return replace(trace, meta={**trace.meta, "z_mm": f"{z_mm:g}", "z_from": "jaw faces"})
 
     def sections(self) -> tuple[PartSection, ...]:
         """Return five sections of the part that `measure` has placed on the gauge, from the jaws' side on.

@@ -1,0 +1,163 @@
+"""A part in several sections, by files of a gauge elsewhere: which is judged, its form, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from console.session.data.run_reader import runs, story
+from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file
+from profiles.arrays import Floats, floats
+from profiles.job import Job
+from profiles.store import load_job
+from tests.console.commands import Console, JobFile
+from tests.console.test_traces_from_a_gauge import Outside, outside
+
+__all__ = ["outside"]
+
+STATED = "# state: free\n# direction: ccw\n# start_mark: jaw 1\n"
+JAWS, END = {"z_from": "jaw faces"}, {"z_from": "free end"}
+TURN_DEG = np.arange(0.0, 360.0, 1.0)
+
+
+@pytest.fixture
+def job() -> Job:
+    """A cut from Z 22 to 30 mm from the jaw faces."""
+    return replace(load_job("lee-2001-experiment-1").job, overhang_mm=30.0, cut_length_mm=8.0)
+
+
+def lobed_um(z_mm: float) -> Floats:
+    """A lobe of 8 um p-p at Z 26, of 12 at 22 and of 4 at 30, on a cone of 0.5 um/mm."""
+    return floats((4.0 - 0.5 * (z_mm - 26.0)) * np.cos(np.radians(3 * TURN_DEG)) + 0.5 * (z_mm - 26.0))
+
+
+def table(path: Path, heights: dict[float, float], header: str = STATED) -> Path:
+    """Write sections: the height in the file, and the Z where that is on the part."""
+    rows = [
+        f"{z:g};{a:g};{um:.5f}" for z, at in heights.items() for a, um in zip(TURN_DEG, lobed_um(at), strict=True)
+    ]
+    path.write_text(header + "Z [mm];Angle [deg];Deviation [um]\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+FIVE = (22.5, 24.0, 26.5, 28.0, 29.5)
+FROM_JAWS = {z: z for z in FIVE}
+
+
+def read(path: Path, job: Job, answers: dict[str, str], *others: Path) -> EvaluatedPart:
+    return read_gauge_file(path, job, answers, simulated=False, others=others)
+
+
+@pytest.mark.parametrize(
+    ("heights", "answers"),
+    [
+        (FROM_JAWS, JAWS),
+        ({30.0 - z: z for z in FIVE}, END),
+        ({z - 30.0: z for z in FIVE}, END),
+    ],
+)
+def test_the_section_nearest_to_the_middle_is_judged_and_the_whole_has_its_form(
+    heights: dict[float, float], answers: dict[str, str], tmp_path: Path, job: Job
+) -> None:
+    path = table(tmp_path / "part.csv", heights)
+    asked = read(path, job, {})
+    assert (asked.open, asked.ready) == (("z_from",), False)
+    found = read(path, job, answers)
+    assert found.ready and found.judged is not None and found.whole is not None
+    assert found.section_z_mm == pytest.approx(26.5)
+    assert found.judged.ront_um == pytest.approx(7.5, abs=0.02)
+    assert [each.z_mm for each in found.sections] == pytest.approx(FIVE)
+    event = found.whole.event()
+    rows = event["sections"]
+    assert isinstance(rows, list)
+    assert [row["RONt_um"] for row in rows] == pytest.approx([11.5, 10.0, 7.5, 6.0, 4.5], abs=0.05)
+    assert [row["mean_um"] for row in rows] == pytest.approx([-1.75, -1.0, 0.25, 1.0, 1.75], abs=0.001)
+    assert (event["extraction"], event["filter_along_mm"]) == ("sections", None)
+    # All are turned to the spindle alike, so that the form does not depend on where angle 0 is.
+    crests = [each.trace.angle_deg[np.argmax(each.trace.deviation_um)] % 120.0 for each in found.sections]
+    assert crests == pytest.approx([crests[0]] * 5)
+
+
+@pytest.mark.parametrize(
+    ("heights", "answers", "value"),
+    [
+        ({**FROM_JAWS, 31.0: 26.0}, JAWS, "31 mm"),
+        ({z - 30.0: z for z in FIVE}, JAWS, "-7.5 mm"),
+        (FROM_JAWS, END, "7.5 mm"),
+        ({-1.0: 29.0, 1.0: 29.0, 2.0: 28.0}, END, "31 mm"),
+    ],
+)
+def test_a_height_off_the_cut_is_refused_with_where_the_cut_is(
+    heights: dict[float, float], answers: dict[str, str], value: str, tmp_path: Path, job: Job
+) -> None:
+    found = read(table(tmp_path / "part.csv", heights), job, answers)
+    assert not found.ready
+    assert [(each.code, each.value, each.limit) for each in found.problems] == [
+        ("trace.off_cut", value, "22 … 30 mm")
+    ]
+
+
+def test_of_two_sections_one_is_judged_and_no_form_is_stated(tmp_path: Path, job: Job) -> None:
+    found = read(table(tmp_path / "part.csv", {23.0: 23.0, 27.0: 27.0}), job, JAWS)
+    assert (found.ready, found.section_z_mm, found.whole) == (True, 27.0, None)
+    assert [(each.code, each.value) for each in found.warnings] == [("trace.few_sections", "2")]
+
+
+def test_what_is_wrong_with_another_section_is_said_with_its_height(tmp_path: Path, job: Job) -> None:
+    path = table(tmp_path / "part.csv", FROM_JAWS)
+    path.write_text(path.read_text(encoding="utf-8").replace("28;100;", "28;100;9"), encoding="utf-8")
+    (warning,) = read(path, job, JAWS).warnings
+    assert (warning.code, warning.where) == ("trace.spike", "Z 28 mm")
+
+
+def test_a_helix_has_a_form_and_is_no_verdict_on_roundness(tmp_path: Path, job: Job) -> None:
+    path, angle = tmp_path / "helix.csv", np.arange(0.0, 7200.0, 2.0)
+    rows = [f"{22 + a / 900:.5f};{a:g};{2 * np.cos(np.radians(3 * a)):.4f}" for a in angle]
+    path.write_text(STATED + "Z [mm];Angle [deg];Deviation [um]\n" + "\n".join(rows), encoding="utf-8")
+    found = read(path, job, JAWS)
+    assert found.whole is not None and found.whole.event()["extraction"] == "helix"
+    assert found.whole.event()["CYLt_um"] == pytest.approx(4.0, abs=0.01)
+    assert (found.ready, [each.code for each in found.problems]) == (False, ["trace.helix"])
+
+
+def test_learning_takes_the_section_at_mid_cut_of_a_file_of_several(
+    console: Console, job_file: JobFile, tmp_path: Path
+) -> None:
+    words = ("--strategy", "cam", "--stage", "full", "--compensation", "none")
+    job = str(job_file(overhang_mm="30.0", cut_length_mm="8.0"))
+    refused = console("learn", str(table(tmp_path / "a.csv", FROM_JAWS)), "--job", job, *words)
+    assert refused.code == 1 and "# z_from: jaw faces | free end" in refused.err
+    stated = table(tmp_path / "b.csv", FROM_JAWS, STATED + "# z_from: jaw faces\n")
+    seen = console("learn", str(stated), "--job", job, *words, "--json").json
+    assert seen["section_z_mm"] == 26.5
+    assert seen["measured"]["RONt_um"] == pytest.approx(7.5, abs=0.05)
+    assert "section at Z 26.50 mm" in console("learn", str(stated), "--job", job, *words).out
+
+
+@pytest.mark.long
+def test_the_record_of_a_part_has_its_sections_as_those_of_the_simulated_gauge(outside: Outside) -> None:
+    outside.cut()
+    job = outside.job.job
+    past = job.overhang_mm - np.array([0.45, 0.25, 0.1])
+    files = []
+    for number, z in enumerate(past):
+        points = "".join(f"{a:g},{um:.5f}\n" for a, um in zip(TURN_DEG, lobed_um(26.0 + number), strict=True))
+        files.append(outside.data / f"{number}.csv")
+        files[-1].write_text(f"{STATED}# z_mm: {z}\nangle_deg,deviation_um\n{points}", encoding="utf-8")
+    path, *others = files
+    found = read_gauge_file(path, job, JAWS, simulated=False, others=tuple(others))
+    order = replace(outside.order(path, **JAWS), sha256=found.sha256, others=tuple(others))
+    state = outside.floor.do(order)
+    assert state.measured is not None, state.refusals
+    assert state.measured.section_z_mm == pytest.approx(past[1])
+    (run,) = runs(outside.data)
+    (part,) = story(outside.data, run.run_id).parts
+    assert part.trace_name == "0.csv + 2"
+    assert [row["z_mm"] for row in part.data["sections"]] == pytest.approx(sorted(past))
+    assert part.data["CYLt_um"] == pytest.approx(found.whole.event()["CYLt_um"] if found.whole else 0.0)
+    trace = part.read_trace()
+    assert trace is not None
+    assert float(np.ptp(trace.deviation_um)) == pytest.approx(7.0, abs=0.01), "that of the middle of the three"
