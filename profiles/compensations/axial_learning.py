@@ -93,17 +93,23 @@ class AxialRules:
     in_phase: bool = False
     known_within: tuple[float, ...] = ()
 
-    def standing(self, key: Key, error_um: complex, sd_um: float, shown_um: Sequence[complex]) -> OrderStatus:
-        """Return whether a term is learned, or why not."""
+    def standing(
+        self, key: Key, error_um: complex, sd_um: float, shown_um: Sequence[complex], had_um: complex
+    ) -> OrderStatus:
+        """Return whether a term of which the path `had_um` is learned, or why not."""
         order, _ = key
         if order in self.frozen:
             return OrderStatus.GREW
-        if order and order not in self.chucked:
-            if len(shown_um) < 2:
-                return OrderStatus.ONE_PART
-            if not repeats(shown_um):
-                return OrderStatus.VARIES
-        return OrderStatus.LEARNED if abs(error_um) > SIGNIFICANT * sd_um else OrderStatus.NOISE
+        of_blank, again = order > 0 and order not in self.chucked, len(shown_um) > 1
+        if of_blank and again and had_um and not repeats(shown_um):
+            return OrderStatus.VARIES
+        if abs(error_um) <= SIGNIFICANT * sd_um:
+            return OrderStatus.NOISE
+        if not of_blank:
+            return OrderStatus.LEARNED
+        if not again:
+            return OrderStatus.ONE_PART
+        return OrderStatus.LEARNED if repeats(shown_um) else OrderStatus.VARIES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +165,8 @@ def axial_steps(
             spared_um = (1.0 - fraction) * had.get(key, 0j) if order else 0j
             error_um = _followed(fit.coefficients_um[key] - spared_um, order, target, rules)
             sd_um, plain[key] = fit.sd_um[key], error_um + had.get(key, 0j)
-            standing = rules.standing(key, error_um, sd_um, (*history.shown_um.get(key, ()), plain[key]))
+            shown_um = (*history.shown_um.get(key, ()), plain[key])
+            standing = rules.standing(key, error_um, sd_um, shown_um, had.get(key, 0j))
             clamped_um = rules.scatter * abs(plain[key]) if order else 0.0
             scatter = Scatter(
                 prior_um=PRIOR_OTHERS_UM, part_um=math.hypot(sd_um, clamped_um), response=PROCESS_LOSS_SD

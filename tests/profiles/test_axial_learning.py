@@ -136,6 +136,15 @@ def test_an_oval_is_learned_along_the_part_from_the_second_part_that_shows_it() 
     assert second.changes_um[2, 1].real == pytest.approx(2.0, rel=0.1)
 
 
+def test_noise_of_two_parts_does_not_vary_it_is_noise() -> None:
+    history = AxialHistory()
+    for seed in (1, 2):
+        fit = fit_axial(sections(lambda angle, s: 0.0 * angle, seed=seed), KNOWN, (2, 3))
+        steps = axial_steps(fit, path(), rules(), history)
+        history = history.add(steps)
+    assert {each for key, each in standings(steps).items() if key[0] == 2} == {OrderStatus.NOISE}
+
+
 def test_a_program_of_segments_learns_what_is_in_phase_with_its_lobe() -> None:
     def left(angle: np.ndarray, s: float) -> np.ndarray:
         return s * (2.0 * np.cos(3.0 * angle) + 1.0 * np.sin(3.0 * angle))
