@@ -1,8 +1,9 @@
 """The variables and PLCs of a controller that belong to the console; nothing else may use them.
 
-They are above those that programs of the console calculate with (P11 to P58), and exist in both families. Besides
-them the heartbeat has P1006 to P1010, M71 and M1000 to M1014 (`heartbeat/watchdog.py`), on a Turbo I5112 as a
-second timer; a cut on the spindle's time base has M199, one on a table the M-variable of the tool's correction.
+They are above those that programs of the console calculate with (P11 to P94, P100 to P621), and exist in both
+families. Besides them the heartbeat has P1006 to P1010, M71 and M1000 to M1014 (`heartbeat/watchdog.py`), on a
+Turbo I5112 as a second timer; a cut on the spindle's time base has M199, one on a table the M-variable of the
+tool's correction.
 """
 
 from __future__ import annotations

@@ -27,8 +27,10 @@ from profiles.problem import Problem
 
 TOOL_NUMBERS = (30, 31, 32, 33, 34, 35, 68, 69, 8, 3, 4)
 SERVO_PERIOD = "I10"
-CONSTANTS = (*range(11, 24), 28, 32, 100, 200, 300, 400, 500, 600, 610, 620, 621)
+_OF_PAPER = (*range(100, 700, 100), 610, 620, 621)
+CONSTANTS = (*range(11, 24), 28, 32, *range(65, 69), 72, 73, 76, *range(81, 95), *_OF_PAPER)
 """P-variables that programs are set with and do not write; nobody writes those that a program does not use."""
+HALF = len(CONSTANTS) // 2  # of them in a line: all would be longer than one may be
 
 REGISTERS = ("following_error", "compensation", "bias")
 PARTS = 32.0  # of a count, and that Ix08 times: the unit of these registers
@@ -206,7 +208,8 @@ class Witness:
         return (
             _COUNTS,
             f"{_SUM}={_weighted_sum(self._settings)}",
-            f"{_CONSTANT_SUM}={_weighted_sum(constants)}",
+            f"{_CONSTANT_SUM}={_weighted_sum(constants[:HALF])}",
+            f"{_CONSTANT_SUM}={_CONSTANT_SUM}+{_weighted_sum(constants[HALF:], 2 + HALF)}",
             f"IF({_STATE}={BEGINS})",
             *(f"{name}=0" for name in (_CHANGED, _CONSTANT_CHANGED, _INSIDE)),
             *(f"{_SETTINGS}={_SUM}", f"{_CONSTANTS}={_CONSTANT_SUM}", f"{_STATE}={WATCHES}", "ENDIF"),
@@ -224,6 +227,6 @@ class Witness:
         )
 
 
-def _weighted_sum(names: tuple[str, ...] | list[str]) -> str:
+def _weighted_sum(names: tuple[str, ...] | list[str], first: int = 2) -> str:
     """Return a sum in which each has a weight of its own: two equal and opposite changes do not cancel."""
-    return "+".join(f"{weight}*{name}" for weight, name in enumerate(names, start=2))
+    return "+".join(f"{weight}*{name}" for weight, name in enumerate(names, start=first))

@@ -376,6 +376,7 @@ BRIEF = {
     "encoder": ("I103=I103+1", "I103=I103-1", "cut.witness_changed", "I103"),
     "servo period": ("I10=I10+37137", "I10=I10-37137", "cut.witness_changed", "I10"),
     "constant": ("P22=P22+1", "P22=P22-1", "cut.witness_constant", "P11 … P621"),
+    "along Z": ("P89=P89+5", "P89=P89-5", "cut.witness_constant", "P11 … P621"),
     "bias": ("M500->{bias} M500=M500+9216", "M500=M500-9216", "cut.witness_bias", "tool"),  # 3 counts
     "correction": ("M500->{comp} M500=M500+9216", "M500=M500-9216", "cut.witness_compensation", "tool"),
 }

@@ -433,3 +433,39 @@ def test_what_changes_slowly_along_a_long_cut_is_no_moment(moment_um: float) -> 
     found_at = [each.where for each in seen.problems()]
     assert len(found_at) == (1 if moment_um else 0)
     assert all(float(each.removesuffix(" mm")) == pytest.approx(24.6, abs=0.5) for each in found_at)
+
+
+THIN_JOB = load_job("lee-2001-experiment-2").job
+"""8 mm at the free end of a thin tube: its lobe goes from -1 um of amplitude through none to 38."""
+
+
+@pytest.mark.parametrize("lags", [False, True])
+@pytest.mark.parametrize("dry_um", [0.0, 1.5])
+def test_a_tool_that_is_moved_where_its_lobe_is_hardly_any_is_told(dry_um: float, lags: bool) -> None:
+    """Dry friction holds back up to `dry_um` of the lobe; for 0.2 s from 0.6 mm on the tool is 5 um further in."""
+    planned = plan_cut(THIN_JOB, MACHINE, Strategy.CAM)
+    setup, lobe_um = planned.setup, planned.target.amplitude_um
+    z = setup.carriage_start + np.arange(0.0, setup.whole_turns, POLL_S / TURN_S) * setup.carriage_per_turn
+    turns, past_mm = (z - setup.carriage_start) / setup.carriage_per_turn, (z - setup.carriage_middle) / PER_MM
+    held_um = np.clip(lobe_um * planned.target.along.factor(3, past_mm), -dry_um, dry_um)
+    begin = setup.carriage_face + 0.6 * PER_MM
+    moved = (z >= begin) & (z < begin + 0.2 / TURN_S * setup.carriage_per_turn)
+    noise_um = np.random.default_rng(1).normal(0.0, 0.3, len(z))
+    target_um, command_um = (each.at_um(360.0 * turns, past_mm) for each in (planned.target, planned.command))
+    infeed_um = target_um - held_um * np.cos(6.0 * np.pi * turns) + noise_um
+    found = []
+    for moment_um in (0.0, 5.0):
+        seen, by_um = PathSeen(planned, MACHINE), moment_um * moved
+        tools = infeed_um + by_um, command_um + (0.0 if lags else by_um)
+        for n, (tool_um, told_um) in enumerate(zip(*tools, strict=True)):
+            tool = replace(
+                commanded(setup.surface + tool_um / MACHINE.tool.count_um),
+                following_error=float(told_um - tool_um) / MACHINE.tool.count_um,
+            )
+            spindle, carriage = commanded(turns[n] * setup.counts_per_turn), commanded(z[n])
+            seen.see(polled(n * POLL_S, tool=tool, spindle=spindle, carriage=carriage))
+        found.append([(each.code, each.where) for each in seen.problems()])
+    assert found[0] == []
+    ((code, where),) = found[1]
+    assert code == ("cut.lagged" if lags else "cut.off_path")
+    assert float(where.removesuffix(" mm")) == pytest.approx(0.68, abs=0.15)

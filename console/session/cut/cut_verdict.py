@@ -381,7 +381,7 @@ class ToolPolls:
             path_um, command_um = self._planned_positions(turns, ordered, past_mm, cycle_deg)
             error = fit_tool_error(turns, past_mm, infeed_um[:, 0] - path_um, job.jaws)
             command_error = fit_tool_error(ordered, past_mm, infeed_um[:, 1] - command_um, job.jaws)
-            moment = self._moment(infeed_um[:, 1] - command_um, rows[:, 3])
+            moment = self._moment(infeed_um[:, 1] - command_um, rows[:, 3], turns)
         size_um = job.diameter_tolerance_um
         return CutVerdict(
             tool=error,
@@ -396,20 +396,23 @@ class ToolPolls:
             unwitnessed=None if witness is None else witness.missing or witness.gap,
         )
 
-    def _moment(self, off_um: Floats, carriage: Floats) -> Problem | None:
+    def _moment(self, off_um: Floats, carriage: Floats, turns: Floats) -> Problem | None:
         """Return where a command was furthest off its plan, by the lesser of two neighbouring polls; None nowhere.
 
+        They are neighbours in time, or at the angle of the spindle, as where a column of a table is another one.
         A command that this console itself corrects, or moves against the push of the cut, is on no such plan.
         """
         if self._trimmed or self._plan.command.push_um:
             return None
-        both_um = np.minimum(np.abs(off_um[1:]), np.abs(off_um[:-1]))
-        worst = int(both_um.argmax())
+        by_time = np.arange(len(turns))
+        pairs = np.hstack([(order[1:], order[:-1]) for order in (by_time, np.argsort(turns % 1.0))])
+        both_um = np.abs(off_um[pairs]).min(axis=0)
+        worst = int(pairs[0, both_um.argmax()])
         limit_um = max(COMMAND_UM, TIMES_USUAL * float(np.median(np.abs(np.diff(off_um)))))
-        if both_um[worst] <= limit_um:
+        if both_um.max() <= limit_um:
             return None
         face, per_mm = self._plan.setup.carriage_face, self._machine.carriage.counts_per_mm
-        where, value = f"{(carriage[worst] - face) / per_mm:.1f} mm", f"{both_um[worst]:.2f} um"
+        where, value = f"{(carriage[worst] - face) / per_mm:.1f} mm", f"{both_um.max():.2f} um"
         return Problem(
             code="cut.off_path", key=AxisName.TOOL, where=where, value=value, limit=f"{limit_um:.2g} um"
         )
