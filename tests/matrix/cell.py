@@ -34,8 +34,8 @@ from tests.matrix.rig import (
     Situation,
     Watched,
     build_rig,
-    compact_machine,
     enter,
+    lathe_that_holds,
     planned_once,
     short_job,
 )
@@ -186,23 +186,23 @@ class Seen:
 SHORT_WAY = frozenset({Situation.OFF, Situation.IDLE})
 """What is come to at once. To everything else the way is made once, and gone on from for each fault."""
 
-_WAYS: dict[tuple[Situation, Strategy, float], Branching[Row, Seen]] = {}
+_WAYS: dict[tuple[Situation, Strategy, float, bool], Branching[Row, Seen]] = {}
 
 
 def run_cell(row: Row, situation: Situation, records: Path) -> Seen:
     """Have a fault in a situation, wait until the console has come to an end, mend it, and look on."""
     if row.early or situation in SHORT_WAY:
         return _cell(situation, records, row, lambda: row)
-    way = situation, row.strategy, row.cut_mm
+    way = situation, row.strategy, row.cut_mm, row.shell
     if way not in _WAYS:
-        planned_once(short_job(row.cut_mm), compact_machine().machine, row.strategy)
+        planned_once(short_job(row.cut_mm), lathe_that_holds(shell=row.shell).machine, row.strategy)
         _WAYS[way] = Branching(lambda wait: _cell(situation, records, row, wait))
     return _WAYS[way](row)
 
 
 def _cell(situation: Situation, records: Path, way: Row, which: Callable[[], Row]) -> Seen:
-    """`which` is asked for the fault when it is to happen: one of the strategy and the length of cut of `way`."""
-    rig = build_rig(records)
+    """`which` is asked for the fault when it is to happen: one of the cut of `way`."""
+    rig = build_rig(records, shell=way.shell)
     wrong: list[str] = []
     rig.looks.append(lambda snapshot: wrong.extend(misread(rig, snapshot)))
     met: list[Row] = []
@@ -285,15 +285,15 @@ HOLD = "M26=1"
 """Asks a cut to end at the end of its turn: it moves nothing, and may be sent twice."""
 
 STRONGEST_FIRST = (Kind.LINE, Kind.RENEWAL)
-_FOUND: dict[tuple[Situation, Strategy, float], Seen] = {}
+_FOUND: dict[tuple[Situation, Strategy, float, bool], Seen] = {}
 
 
 def without_fault(situation: Situation, row: Row) -> Seen:
     """What is seen without the fault of a row; found once."""
-    way = situation, row.strategy, row.cut_mm
+    way = situation, row.strategy, row.cut_mm, row.shell
     if way not in _FOUND:
         with TemporaryDirectory() as folder:
-            sound = replace(NO_FAULT, strategy=row.strategy, cut_mm=row.cut_mm)
+            sound = replace(NO_FAULT, strategy=row.strategy, cut_mm=row.cut_mm, shell=row.shell)
             _FOUND[way] = run_cell(sound, situation, Path(folder))
     return _FOUND[way]
 

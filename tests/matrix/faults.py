@@ -20,7 +20,8 @@ class Row:
 
     `moves` are the axes that the fault itself moves or energises. Of `unseen` nobody can know where it is, as its
     encoder does not count. One that is `early` is there before what it meets is ordered. `strategy` is that of
-    the cut, `cut_mm` its length. `later` are further lines of another host, so many seconds behind its first one.
+    the cut, `cut_mm` its length, and what the chuck holds may be a `shell`. `later` are further lines of another
+    host, so many seconds behind its first one.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Row:
     early: bool = False
     strategy: Strategy = Strategy.PVT
     cut_mm: float = SHORT_MM
+    shell: bool = False
     later: tuple[tuple[float, str], ...] = ()
 
     @property
@@ -115,6 +117,12 @@ OTHER_CUTS = {
 }
 """What another host may make of a cut by pvt that is loaded. 500 counts of the tool are 0.1 mm."""
 
+ALONG = {"the lobe along Z": "P83=P83*2", "the mean along Z": "P89=P89+1"}
+"""What another host may make of the change of a path along Z: by 1 um of lobe, by 0.2 um of mean, at its ends.
+
+By timebase it is the same; its program begins at the index, where the axes of these cells have no zero.
+"""
+
 HELD_S, HELD_SHORTLY_S = 2.0, 0.8
 """Of the 2.3 s that are left of the cut: nearly all, and a part."""
 
@@ -180,12 +188,14 @@ ROWS: tuple[Row, ...] = (
     # What closes loops energises all of them.
     *(_stranger(name, line, *(AXES if name in ABORTS else ())) for name, line in ENDS.items()),
     *(_stranger(name, line) for name, line in OTHER_CUTS.items()),
+    *(replace(_stranger(name, line), cut_mm=HELD_MM, shell=True) for name, line in ALONG.items()),
     *(_held(name, line, (after_s, back)) for name, (line, back, after_s) in HELD.items()),
     _drift(),
     _garbled("a home search", "#1HM", "#3HM"),
     _garbled("a jog", "#3J=", "#3J=9"),
     _garbled("a depth", "P11=1", "P11=2"),
     _garbled("an entry of a table", " 4618 ", " 4628 ", Strategy.CAM),
+    replace(_garbled("an entry of one row", " 3656 ", " 3657 ", Strategy.CAM), cut_mm=HELD_MM, shell=True),
 )
 
 
@@ -403,6 +413,7 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "stranger-writes, a larger lobe": _loaded(NOT_AS_PLANNED, f"{OUTSIDE} or {CHANGED_IN_CUT}"),
     # A buffer that is open, or runs, is not another's to open.
     "stranger-writes, another program": _loaded(SAME, SAME),
+    **{f"stranger-writes, {name}": _loaded(NOT_AS_PLANNED, CHANGED_IN_CUT) for name in ALONG},
     # What shapes a cut is read in turn; a program that runs keeps its axes: their definition is refused.
     **{
         f"stranger-writes, {name}, put back": _only(CUTTING=SAME if name == KEPT_OUT else CHANGED_IN_CUT)
@@ -414,6 +425,7 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "garbled-line, a jog": _only(JOGGING=ASTRAY, CUTTING=ASTRAY),
     "garbled-line, a depth": _only(DOWNLOADING=NOT_AS_PLANNED),
     "garbled-line, an entry of a table": _only(DOWNLOADING=NOT_THAT_TABLE),
+    "garbled-line, an entry of one row": _only(DOWNLOADING=NOT_THAT_TABLE),
 }
 
 TABLE: Mapping[str, Mapping[Situation, str]] = {

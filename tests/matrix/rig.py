@@ -33,8 +33,8 @@ from drivers.simulator.card.motor import Motor
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
 from profiles.job import Job
-from profiles.machine import MachineProfile
-from profiles.store import load_job
+from profiles.machine import SHELL, MachineProfile
+from profiles.store import LoadedMachine, load_job
 from tests.compact import compact_machine as compact_machine
 
 MOTORS = {AxisName.TOOL: 1, AxisName.SPINDLE: 2, AxisName.CARRIAGE: 3}
@@ -186,12 +186,19 @@ def short_job(cut_length_mm: float = SHORT_MM) -> Job:
     return replace(load_job("lee-2001-experiment-1").job, cut_length_mm=cut_length_mm)
 
 
+def lathe_that_holds(*, shell: bool) -> LoadedMachine:
+    """The lathe close together; a `shell` has less lobe towards its free end, else it is the same along Z."""
+    loaded = compact_machine()
+    as_shell = replace(loaded.machine, chuck=replace(loaded.machine.chuck, lobe_along=SHELL))
+    return replace(loaded, machine=as_shell) if shell else loaded
+
+
 _PLANS: dict[object, CutPlan] = {}
 
 
 def planned_once(job: Job, machine: MachineProfile, strategy: Strategy, **given: object) -> CutPlan:
     """The plan of a cut; the same cut is planned once for all cells. Job and machine are always those above."""
-    target = (strategy, job.cut_length_mm, *sorted(given.items()))
+    target = (strategy, job.cut_length_mm, machine.chuck.lobe_along, *sorted(given.items()))
     if target not in _PLANS:
         _PLANS[target] = plan_cut(job, machine, strategy, **given)  # type: ignore[arg-type]
     return _PLANS[target]
@@ -215,9 +222,9 @@ class LogNowhere(RunLog):
         pass
 
 
-def build_watched() -> Watched:
+def build_watched(*, shell: bool = False) -> Watched:
     """Put a lathe together as every host has it; nothing is connected yet."""
-    machine = compact_machine().machine
+    machine = lathe_that_holds(shell=shell).machine
     sim = WatchedLathe(machine)
     wire = Wiretap(sim.connect(), sim)
     stop, client = StopPath(wire), PmacClient(wire, sim)
@@ -232,14 +239,14 @@ def build_watched() -> Watched:
     return Watched(sim=sim, wire=wire, lathe=lathe, stop=stop, looks=looks)
 
 
-def build_rig(records: Path) -> Rig:
+def build_rig(records: Path, *, shell: bool = False) -> Rig:
     """Put lathe and station together as a screen has them, with a heartbeat; nothing is connected yet."""
-    watched = build_watched()
+    watched = build_watched(shell=shell)
     looks: list[Callable[[Snapshot], None]] = []
     context = StationContext(
         lathe=watched.lathe,
         owning=MachineControl(watched.lathe, watched.wire.address, records),
-        loaded_machine=compact_machine(),
+        loaded_machine=lathe_that_holds(shell=shell),
         clock=watched.sim,
         shop=None,
         records=records,

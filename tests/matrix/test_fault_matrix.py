@@ -54,7 +54,8 @@ heartbeat, before polls alone), and the alarms, or the reasons of a refusal:
   doubt, an amplifier fault or a trip opens a loop: then it is control-K, and the spindle coasts.
 
 *Drives off*: somebody is inside the guard. The jog is one of the carriage, the home search that of the tool. The
-download is that of a program, the cut one of experiment 1 at 1000 rpm. *Stopping* is that cut after Space; the
+download is that of a program, the cut one of experiment 1 at 1000 rpm, with one lobe along Z; rows that name Z, or
+one row of a table, are of a shell. *Stopping* is that cut after Space; the
 fault comes at that moment.
 
 ## At the screens
