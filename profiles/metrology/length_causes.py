@@ -14,6 +14,7 @@ Each section is described by its mean radius (order 0), the place of its middle 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from profiles.arrays import Floats
+from profiles.metrology.conformity import JudgedFigure, ToleranceKind
 
 CAUSES = "length_causes"  # key of results and records
 HIGHEST_ORDER, HIGHEST_NOISE = 15, 30
@@ -63,6 +65,20 @@ class LengthCause:
     last_mm: float = 0.0
     first_um: float = 0.0
     last_um: float = 0.0
+
+
+_ORDERS = {
+    ToleranceKind.ROUNDNESS: range(2, HIGHEST_ORDER + 1),
+    ToleranceKind.CYLINDRICITY: range(HIGHEST_ORDER + 1),
+    ToleranceKind.DIAMETER: range(1),
+}
+"""The orders by which a figure can be beyond its limit: no taper makes a section less round."""
+
+
+def causes_of_failure(causes: Iterable[LengthCause], judged: Sequence[JudgedFigure]) -> tuple[LengthCause, ...]:
+    """Return the causes that can explain a figure that fails; all of them if none does."""
+    failed = [each.kind for each in judged if each.passes is False]
+    return tuple(each for each in causes if not failed or any(each.order in _ORDERS[kind] for kind in failed))
 
 
 def length_causes(z_mm: Floats, turns_um: Floats, points: int, cylt_um: float) -> tuple[LengthCause, ...]:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from profiles.arrays import Floats
+from profiles.metrology.conformity import JudgedFigure, ToleranceKind
 from profiles.metrology.cylindricity import PartSection, evaluate_cylinder
-from profiles.metrology.length_causes import LengthCause, LengthCauseKind
+from profiles.metrology.length_causes import LengthCause, LengthCauseKind, causes_of_failure
 
 HEIGHTS_MM = (22.8, 24.4, 26.0, 27.6, 29.2)
 TURN_DEG = np.arange(3600) / 10.0
@@ -90,3 +91,24 @@ def test_noise_has_no_cause(noise_um: float, every: int) -> None:
     round_um = np.zeros(TURN.size)
     for seed in range(30):
         assert causes(lambda *_: round_um, noise_um=noise_um, seed=seed, every=every) == ()
+
+
+@pytest.mark.parametrize(
+    ("fails", "named"),
+    [
+        ("", "taper lobe bent"),
+        ("roundness", "lobe"),
+        ("cylindricity", "taper lobe bent"),
+        ("diameter", "taper"),
+        ("roundness diameter", "taper lobe"),
+    ],
+)
+def test_only_what_can_put_a_figure_beyond_its_limit_explains_that_it_fails(fails: str, named: str) -> None:
+    """A cone is as round in each of its sections as a cylinder is, and no lobe changes a mean diameter."""
+    orders = {"taper": 0, "lobe": 3, "bent": 1}
+    found = [LengthCause(kind=LengthCauseKind(kind), um_pp=9.0, order=n) for kind, n in orders.items()]
+    judged = [
+        JudgedFigure(kind=kind, value_um=6.0 if kind.value in fails.split() else 4.0, limit_um=5.0)
+        for kind in ToleranceKind
+    ]
+    assert [each.kind.value for each in causes_of_failure(found, judged)] == named.split()

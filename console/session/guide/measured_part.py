@@ -12,7 +12,7 @@ from console.session.work import Work
 from drivers.cutting.strategy import Strategy
 from profiles.compensations.causes import CauseKind
 from profiles.metrology.conformity import ToleranceKind, passes_all
-from profiles.metrology.length_causes import LengthCause
+from profiles.metrology.length_causes import LengthCause, causes_of_failure
 from profiles.problem import Problem
 
 ELSEWHERE = "learned.lobe_elsewhere"
@@ -25,8 +25,8 @@ def fails(part: MeasuredPart) -> bool:
 
 
 def causes_along(part: MeasuredPart) -> tuple[LengthCause, ...]:
-    """Return why its sections differ; nothing of a part that was measured in one."""
-    return () if part.whole is None else part.whole.causes
+    """Return why its sections differ; of a part that fails, what explains that. Nothing of a single section."""
+    return () if part.whole is None else causes_of_failure(part.whole.causes, part.judged)
 
 
 def is_elsewhere(taught: LearningOutcome) -> bool:

@@ -23,7 +23,7 @@ from profiles.compensations.causes import Cause
 from profiles.files import parse_toml
 from profiles.machine import machine_from_table
 from profiles.metrology.conformity import ToleranceKind
-from profiles.metrology.length_causes import LengthCause
+from profiles.metrology.length_causes import LengthCause, causes_of_failure
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
 
@@ -111,7 +111,9 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
         fails_round=fails_round,
         off_um=off_um,
         causes=causes,
-        along=part.length_causes if part is not None and part.passed is False else (),
+        along=causes_of_failure(part.length_causes, part.judged)
+        if part is not None and part.passed is False
+        else (),
         unknown=tuple(unknown),
         advice=(),
     )
