@@ -81,7 +81,7 @@ def test_records_say_what_a_part_fails_by_and_why(console: Console, tmp_path: Pa
     run = recorded(tmp_path, {"": lobed(0.5)}, whole=growing(12.0))
     data = ("--data", str(tmp_path))
     shown = console("records", "show", run[:8], *data).out
-    assert "in its middle, NOT within another" in " ".join(shown.split())
+    assert "in its middle, NOT within a tolerance over its length" in " ".join(shown.split())
     assert "RONt 13.00 um at Z 22.0 mm: outside its tolerance of 5 um" in shown
     told = " ".join(console("records", "debrief", run[:8], *data).out.split())
     assert "RONt 13.00 um at Z 22.0 mm, allowed 5: 8.00 um too much." in told
@@ -122,6 +122,16 @@ def test_sections_of_a_file_are_judged_by_exit_code_and_in_words(
     said = console(*measured).out
     assert f"CYLt {found['CYLt_um']:.2f} um: {'within' if judged['cylindricity']['passes'] else 'outside'}" in said
     assert ("3/rev changes along Z" in said) == bool(found["length_causes"]) is True
+
+
+@pytest.mark.parametrize("heights", [(60.0, 65.0, 70.0), (-29.0, -26.0, -23.0)])
+def test_sections_off_the_cut_are_not_judged_by_the_limits_of_its_job(
+    console: Console, tmp_path: Path, heights: tuple[float, ...]
+) -> None:
+    path = sections_file(tmp_path, 0.0, heights)
+    assert console("roundness", path).code == 0
+    found = console("roundness", path, "--job", job_with(tmp_path, 8.0), "--fail-out-of-tolerance")
+    assert (found.code, "is off the cut" in found.err) == (1, True)
 
 
 def test_one_section_says_where_it_is_and_that_the_length_was_not_measured(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -146,13 +147,24 @@ def _judged(
     mean_um: float,
     whole: CylinderResult | None = None,
 ) -> tuple[JudgedFigure, ...]:
-    """Return the figures of a part against the limits of its job, none without a job."""
+    """Return the figures of a part against the limits of its job, none without a job.
+
+    Raises ProfileError: `trace.off_cut`, a section lies off the cut; heights count from the jaw faces, if the
+    header says nothing else.
+    """
     from console.cli.library import job_of
+    from console.session.learning.evaluated_part import place_heights
     from profiles.metrology.conformity import Tolerances, judge_part
+    from profiles.problem import ProfileError
+    from profiles.trace_files.header import Z_FROM
 
     if options.job is None:
         return ()
     job, off_um = job_of(options).job, None
+    if whole is not None:
+        counted = replace(header, z_from=header.z_from or Z_FROM[0])
+        if outside := place_heights([each.z_mm for each in whole.sections], counted, job)[1]:
+            raise ProfileError(*outside)
     if header.radius_mm is not None and header.size != "relative":
         off_um = 2000.0 * (header.radius_mm - job.finished_radius_mm) + 2.0 * mean_um
     sections, cylt_um = ((), None) if whole is None else (whole.sections, whole.cylt_um)

@@ -225,7 +225,7 @@ def read_gauge_file(
     given = {key: answers[key] for key in asked if key in answers}
     traces = [replace(each.trace, meta=MappingProxyType({**each.trace.meta, **given})) for each in filed]
     header, warnings = header_of(traces[0].meta)
-    heights_mm, outside = _place_heights([each.z_mm for each in filed], header, job)
+    heights_mm, outside = place_heights([each.z_mm for each in filed], header, job)
     place = _middle_of(heights_mm, job)
     folded = [fold_turns(each, header) for each in traces]
     turned = [turn_to_spindle(turn, header, job.jaw_1_deg) for turn, _ in folded]
@@ -281,7 +281,7 @@ def read_section_file(path: Path, job: Job) -> FiledSections:
     if isinstance(filed, SurfacePoints):
         raise ProfileError(no_sections(filed, where))
     header, _ = header_of(filed[0].trace.meta)
-    heights_mm, outside = _place_heights([each.z_mm for each in filed], header, job)
+    heights_mm, outside = place_heights([each.z_mm for each in filed], header, job)
     if outside:
         raise ProfileError(*outside)
     if len(filed) > 1 and header.z_from is None:
@@ -356,7 +356,7 @@ def _points_of_file(path: Path, content: bytes, filed: SurfacePoints, job: Job) 
     )
 
 
-def _place_heights(
+def place_heights(
     filed_mm: Sequence[float | None], header: TraceHeader, job: Job
 ) -> tuple[Sequence[float | None], tuple[Problem, ...]]:
     """Return the heights of a file in the job's Z, and a problem for each that is not on its cut.
