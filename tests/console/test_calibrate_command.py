@@ -381,6 +381,15 @@ def test_sections_of_a_plain_part_tell_how_the_jaws_hold_and_every_job_uses_it(
     assert after[1] < before[1] - 0.2 and after[0] > before[0] + 0.1
 
 
+def test_heights_from_the_free_end_are_taken_as_the_file_states(console: Console, tmp_path: Path) -> None:
+    """The overhang is 30 mm: Z 22.8 and 29.2 mm from the jaws are 7.2 and 0.8 mm from the free end."""
+    path = sections_file(tmp_path, 3.0, "# state: free")
+    from_jaws = console("calibrate", "jaws", str(path), "--job", JOB).out
+    turned = f"# z_from: free end\n{path.read_text(encoding='utf-8')}\n"
+    path.write_text(turned.replace(",22.8\n", ",7.2\n").replace(",29.2\n", ",0.8\n"), encoding="utf-8")
+    assert console("calibrate", "jaws", str(path), "--job", JOB).out == from_jaws
+
+
 def test_sections_that_are_none_of_a_plain_part_or_too_close_are_refused(console: Console, tmp_path: Path) -> None:
     cut = sections_file(tmp_path, 3.0, "# state: free", "# strategy: cam")
     assert console("calibrate", "jaws", str(cut), "--job", JOB).code != 0

@@ -22,6 +22,7 @@ from console.session.learning.chuck_calibrating import (
     keep_chuck,
     profile_values,
 )
+from console.session.learning.evaluated_part import place_heights
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.deflection import DeflectionFit
@@ -31,6 +32,7 @@ from profiles.calibration.wrench import ConfidenceInterval, WrenchFit
 from profiles.files import printable, read_regular_file
 from profiles.lobe.jaw_fit import SectionLobe, fit_straight_fraction
 from profiles.problem import Problem, ProfileError, refusal_error
+from profiles.trace_files.header import header_of
 from profiles.trace_files.sections import HEIGHT, read_sections
 from profiles.traces import CAP_BYTES
 
@@ -81,11 +83,12 @@ def calibrate_jaws(options: Namespace, text: Catalogue) -> int:
         for section in read_sections([Path(file) for file in files]):
             if section.z_mm is None:
                 raise refusal_error("trace.no_height", limit=f"# {HEIGHT}: Z")
+            (z_mm,), _ = place_heights([section.z_mm], header_of(section.trace.meta)[0], job)
             found = find_lobe(section.trace, job, practice=options.sim)
             refuse([each for each in found.reasons if each.code not in OF_PHASE])
             lobe = found.fit.lobe
             at = complex(lobe.cos_um, -lobe.sin_um)
-            lobes.append(SectionLobe(z_mm=section.z_mm, lobe_um=at, sd_um=lobe.sd_um))
+            lobes.append(SectionLobe(z_mm=z_mm or section.z_mm, lobe_um=at, sd_um=lobe.sd_um))
         fit = fit_straight_fraction(job, loaded.machine, lobes)
     calibration = chuck_calibration(loaded, None, fit, where, digest.hexdigest())
     kept = str(keep_chuck(data, calibration, loaded)) if options.keep else None
