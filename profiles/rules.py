@@ -39,6 +39,7 @@ last four need a part that can be held and cut, of a known material.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -213,7 +214,7 @@ def _at_speed(code: str, of_speed: Callable[[float], float], most: float, unit: 
     finding = _at_most(code, "lobe_error_um_pp", of_speed(rpm), most, unit)
     if finding.severity is not Severity.REFUSAL:
         return finding
-    slower = next((each for each in range(math.ceil(rpm) - 1, 0, -1) if of_speed(each) <= most), 0)
+    slower = bisect_right(range(1, math.ceil(rpm)), most, key=of_speed)
     return replace(finding, problem=replace(finding.problem, limit=f"{finding.problem.limit} ({slower} rpm)"))
 
 

@@ -209,7 +209,7 @@ _ACTIONS = (
     *_keys("run", "retract F8", moves=True, once=True),
     *_keys("inspect", "measure m"),
     *_keys("inspect", "accept a", "revert v", "offset o .", once=True),
-    *_keys("inspect", "import i", "next Enter", "view h", "length l", "beside b", "circle c .", "filter f ."),
+    *_keys("inspect", "import i", "next Enter", "view h", "length l", "beside b .", "circle c .", "filter f ."),
     Action(id="inspect.larger", keys=("+", "="), shown="+ -", row=""),
     Action(id="inspect.smaller", keys=("-",), shown="-", row="", beside=True),
     *_keys("inspect", "whole z .", "export x ."),

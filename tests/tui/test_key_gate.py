@@ -76,6 +76,7 @@ def test_what_moves_is_not_stopped_by_a_key_that_has_a_meaning_but_by_a_change_o
     jogs = {"in", "out", "chuck", "tail", "forward", "backward"}
     # The list of traces is closed in motion, so that its keys mean nothing then.
     of_list = {"up", "down", "page_up", "page_down", "first", "last", "path", "state", "direction", "mark"}
+    of_list |= {"height", "together"}
     expected = {
         PageName.ALIGN: {f"align.{way}" for way in (*jogs, "off")},
         PageName.INSPECT: {f"inspect.{way}" for way in of_list},

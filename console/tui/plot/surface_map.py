@@ -79,13 +79,11 @@ def map_cells(picture: SurfaceMap, columns: int, rows: int) -> Cells:
 
 
 def legend(picture: SurfaceMap) -> str:
-    """Return the two signs of each step, high and low, with its value in the shown unit."""
+    """Return the two signs of each division, high and low, with the size of one in the shown unit."""
     units, step = picture.units, picture.scale_um / picture.units.size("um")
     pairs = enumerate(zip(HIGH, LOW, strict=True), start=1)
-    return (
-        "  ".join(["+/-", *(f"{high}/{low} {label(nth * step)}" for nth, (high, low) in pairs)])
-        + f" {units.unit('um')}"
-    )
+    signs = "  ".join(f"{nth} {high}/{low}" for nth, (high, low) in pairs)
+    return f"+/-  {signs}  {label(step)} {units.unit('um')}/div"
 
 
 def _section_of_rows(z_mm: Floats, rows: int, worst: int | None) -> NDArray[np.int64]:

@@ -32,7 +32,7 @@ def test_high_and_low_differ_without_colour_and_the_free_end_is_at_the_top() -> 
     rows = rows_of(high_at_the_end())
     assert rows[0] == "30.0 " + 18 * "▒" + 18 * ":"
     assert rows[9] == "22.0 " + 36 * " "
-    assert rows[11].rstrip() == "+/-  ░/. 2  ▒/: 4  ▓/= 6 um"
+    assert rows[11].rstrip() == "+/-  1 ░/.  2 ▒/:  3 ▓/=  2 um/div"
     plain = in_ascii(rows[0])
     assert len(set(plain[LEFT:])) == 2
 
@@ -62,7 +62,7 @@ def test_the_marked_section_is_shown_even_where_rows_are_fewer_than_sections() -
 def test_a_stated_scale_is_kept(um_per_step: float) -> None:
     rows = rows_of(high_at_the_end(um_per_step=um_per_step))
     assert rows[0][LEFT] == ("▓" if um_per_step == 1.0 else " ")
-    assert f"░/. {um_per_step:g} " in rows[-1]
+    assert f"  {um_per_step:g} um/div" in rows[-1]
 
 
 def test_what_is_unknown_is_no_zero() -> None:
@@ -89,7 +89,7 @@ def test_an_angle_makes_room_for_the_jaw_at_it(angle_deg: float, left_out: str) 
 def test_inches_are_shown_in_inches() -> None:
     rows = rows_of(high_at_the_end(units=Units("inch")))
     assert rows[0].startswith("1.181 ")
-    assert rows[-1].rstrip().endswith("uin")
+    assert rows[-1].rstrip().endswith("uin/div")
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(1, 1), (10, 3), (80, 24), (160, 48)])
