@@ -34,6 +34,7 @@ MAXIMUM_INSCRIBED = "MICY"
 CYLINDERS = (LEAST_SQUARES, MINIMUM_ZONE, MINIMUM_CIRCUMSCRIBED, MAXIMUM_INSCRIBED)
 
 UNEVEN = 2.0
+LEAST_SPAN = 0.5  # of the length of a cut: sections closer to each other do not show its form. A choice.
 LEAST_SECTIONS = 3  # ISO 1101: two sections are a cone of any shape between them
 TURN_DEG = np.arange(0.0, 360.0)  # where there is a generatrix
 _EXACT = 1.0 + 1e-9  # a cut-off of exactly the limit

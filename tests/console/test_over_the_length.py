@@ -134,6 +134,13 @@ def test_sections_off_the_cut_are_not_judged_by_the_limits_of_its_job(
     assert (found.code, "is off the cut" in found.err) == (1, True)
 
 
+def test_a_sliver_of_the_length_does_not_pass_for_all_of_it(console: Console, tmp_path: Path) -> None:
+    path = sections_file(tmp_path, 0.0, (24.0, 24.5, 25.0))
+    found = console("roundness", path, "--job", job_with(tmp_path, 8.0), "--json").json
+    assert found["within_tolerance"] is None
+    assert next(each for each in found["judged"] if each["kind"] == "cylindricity")["value_um"] is None
+
+
 def test_one_section_says_where_it_is_and_that_the_length_was_not_measured(
     console: Console, tmp_path: Path
 ) -> None:

@@ -106,6 +106,14 @@ def test_of_two_sections_one_is_judged_and_no_form_is_stated(tmp_path: Path, job
     assert [(each.code, each.value) for each in found.warnings] == [("trace.few_sections", "2")]
 
 
+def test_three_sections_next_to_each_other_say_nothing_about_the_length(tmp_path: Path, job: Job) -> None:
+    found = read(table(tmp_path / "part.csv", {z: z for z in (25.0, 25.5, 26.0)}), job, JAWS)
+    assert (found.ready, found.whole) == (True, None)
+    assert [(each.code, each.value, each.limit) for each in found.warnings] == [
+        ("trace.short_length", "1 mm", ">= 4 mm")
+    ]
+
+
 def test_what_is_wrong_with_another_section_is_said_with_its_height(tmp_path: Path, job: Job) -> None:
     path = table(tmp_path / "part.csv", FROM_JAWS)
     path.write_text(path.read_text(encoding="utf-8").replace("28;100;", "28;100;9"), encoding="utf-8")

@@ -215,7 +215,10 @@ def test_m_shows_the_map_in_place_of_path_and_margins_and_a_wide_page_has_all(la
     text = load(language)
     title = text("preview_page.map", unit="mm")
     path, needs = (text(f"preview_page.{each}") for each in ("path", "margins"))
-    for acts, there, gone in (((), (path, needs), title), (("preview.map",), (title, "22.4▸", "▓/=  10 um/div"), path)):
+    for acts, there, gone in (
+        ((), (path, needs), title),
+        (("preview.map",), (title, "22.4▸", "▓/=  10 um/div"), path),
+    ):
         seen_now = shown(previewed("paper"), language=language, acts=acts)
         assert all(words in seen_now for words in there) and gone not in seen_now
     assert path in shown(previewed("paper"), language=language, acts=("preview.map", "preview.map"))

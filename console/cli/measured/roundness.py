@@ -155,6 +155,7 @@ def _judged(
     from console.cli.library import job_of
     from console.session.learning.evaluated_part import place_heights
     from profiles.metrology.conformity import Tolerances, judge_part
+    from profiles.metrology.cylindricity import LEAST_SPAN
     from profiles.problem import ProfileError
     from profiles.trace_files.header import Z_FROM
 
@@ -169,6 +170,8 @@ def _judged(
         off_um = 2000.0 * (header.radius_mm - job.finished_radius_mm) + 2.0 * mean_um
     sections, cylt_um = ((), None) if whole is None else (whole.sections, whole.cylt_um)
     limits = job.tolerances
+    if sections and sections[-1].z_mm - sections[0].z_mm < LEAST_SPAN * job.cut_length_mm:
+        cylt_um = None  # a sliver says nothing about the length
     if whole is not None and not sections:  # of points that are no sections only the form is known
         limits = Tolerances(cylindricity_um=limits.cylindricity_um)
     return judge_part(

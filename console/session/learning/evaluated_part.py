@@ -25,7 +25,13 @@ from profiles.files import printable
 from profiles.job import Job
 from profiles.lobe.cut_error import middle_mm
 from profiles.metrology.circles import ReferenceCircle
-from profiles.metrology.cylindricity import LEAST_SECTIONS, CylinderResult, evaluate_points, part_section
+from profiles.metrology.cylindricity import (
+    LEAST_SECTIONS,
+    LEAST_SPAN,
+    CylinderResult,
+    evaluate_points,
+    part_section,
+)
 from profiles.metrology.harmonics import Harmonic
 from profiles.metrology.turns import Turns, several_turns, tool_offset_um
 from profiles.problem import Problem, ProfileError
@@ -313,10 +319,14 @@ def _judge(found: EvaluatedPart, turns: Sequence[tuple[float | None, Trace]], jo
             )
     others = [(z, each) for (z, _), each in zip(turns, results, strict=True) if each is not results[found.place]]
     warnings = tuple(replace(each, where=f"Z {z:g} mm") for z, result in others for each in result.warnings)
-    whole = measured_whole([part_section(each) for each in found.sections if each.z_mm is not None])
+    sections = [part_section(each) for each in found.sections if each.z_mm is not None]
+    span_mm, least_mm = np.ptp([each.z_mm for each in sections] or [0.0]), LEAST_SPAN * job.cut_length_mm
+    whole = measured_whole(sections) if span_mm >= least_mm else None
     if others and whole is None:
-        value, limit = str(len(turns)), f">= {LEAST_SECTIONS}"
-        warnings += (Problem(code="trace.few_sections", key=HEIGHT, value=value, limit=limit),)
+        code, value, limit = "trace.few_sections", str(len(turns)), f">= {LEAST_SECTIONS}"
+        if len(sections) >= LEAST_SECTIONS:
+            code, value, limit = "trace.short_length", f"{span_mm:.3g} mm", f">= {least_mm:.3g} mm"
+        warnings += (Problem(code=code, key=HEIGHT, value=value, limit=limit),)
     result = turn_result_to_spindle(results[found.place], header, job.jaw_1_deg)
     trace = found.trace
     problems = unit_doubt(result.ront_um, trace.meta, plane=trace.centre_mm is not None)
