@@ -144,13 +144,14 @@ class PathSeen:
         infeed_um = (tool - plan.setup.surface) * self._machine.tool.count_um
         off_um = infeed_um[:, 0] - target.at_um(360.0 * turns, past_mm)
         command_off_um = infeed_um[:, 1] - plan.command.at_um(360.0 * turns, past_mm)
-        columns = _columns(turns, past_mm, lobes, entry)
-        columns = np.column_stack(
-            [columns, *_stuck(turns, target.amplitude_um * target.along.factor(lobes, past_mm), lobes)]
-        )
+        smooth = _columns(turns, past_mm, lobes, entry)
+        stuck = _stuck(turns, target.amplitude_um * target.along.factor(lobes, past_mm), lobes)
+        columns = np.column_stack([smooth, *stuck])
         known = plan.strategy.traits.inverts and not plan.command.push_um
         command_columns = _columns(turns, past_mm, lobes, ()) if known else columns
         left, found = _robust_residuals(off_um, columns)
+        if stuck:  # the lobe is the sum of two that are nearly alike: how large it is tells the fit without them
+            _, found = _robust_residuals(off_um, smooth)
         command_left, command_found = _robust_residuals(command_off_um, command_columns)
         if known:
             command_left += command_columns[:, :OF_MEAN] @ command_found[:OF_MEAN]
