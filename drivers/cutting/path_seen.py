@@ -243,7 +243,7 @@ def _columns(turns: Floats, past_mm: Floats, lobes: int, entry: tuple[float, ...
 def _stuck(turns: Floats, amplitude_um: Floats, lobes: int) -> list[Floats]:
     """Model what dry friction makes of a lobe of such amplitudes, where they become small along the cut."""
     stuck_um = np.clip(amplitude_um, -STUCK_UM, STUCK_UM)
-    if np.ptp(stuck_um) <= LEAST_STUCK_UM:
+    if np.abs(stuck_um).min() > LEAST_STUCK_UM or np.ptp(stuck_um) <= LEAST_STUCK_UM:
         return []
     angle_rad = 2.0 * np.pi * lobes * turns
     return [stuck_um * np.cos(angle_rad), stuck_um * np.sin(angle_rad), 1.0 - np.abs(stuck_um) / STUCK_UM]
