@@ -22,6 +22,7 @@ PLACES = 3
 """Places along each jaw where it holds the part."""
 
 
+@lru_cache(maxsize=64)
 def compliance(shell: Shell, jaws: int, angle_deg: tuple[float, ...], z_mm: tuple[float, ...]) -> Floats:
     """Return the radial motion under a unit force on the tool, in R / (pi D), shape (z, angle).
 
