@@ -24,9 +24,8 @@ from profiles.compensations.certificate import (
 from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT
 from profiles.compensations.optimal_gain import PRIOR_OTHERS_UM, PROCESS_LOSS_SD, Scatter, optimal_gain, repeats
 from profiles.compensations.part_harmonics import PartHarmonics
-from profiles.compensations.path import AlongCut, CutPath, LobedPath, axial_um
+from profiles.compensations.path import AXIAL_POWERS, AlongCut, CutPath, LobedPath, axial_um
 
-POWERS = (1, 2)
 SLOPE_SECTIONS = 2
 MEAN = 0
 Key = tuple[int, int]  # an order, 0 for the mean, and a power of s
@@ -54,7 +53,7 @@ def fit_axial(
     """
     s = np.array([place for place, _ in parts])
     heights = len(set(s.tolist()))
-    powers = POWERS[: max(0, heights - 1)] if heights >= SLOPE_SECTIONS else ()
+    powers = AXIAL_POWERS[: max(0, heights - 1)] if heights >= SLOPE_SECTIONS else ()
     if not powers:
         return NO_SECTIONS
     rows = np.vander(s, len(powers) + 1, increasing=True)
@@ -154,7 +153,7 @@ def axial_steps(
     certificate = []
     for order in (MEAN, *sorted(rules.orders)):
         follows = _response(order, rules.follows)
-        for power in POWERS:
+        for power in AXIAL_POWERS:
             key = (order, power)
             if key not in fit.coefficients_um:
                 if order == rules.lobes and rules.known_within:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from profiles.compensations.path import MOST_HARMONICS, AxialTerm, CutPath, PathHarmonic
+from profiles.compensations.path import AXIAL_POWERS, MOST_HARMONICS, AxialTerm, CutPath, PathHarmonic
 from profiles.job import TOLERANCES, Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -32,7 +32,6 @@ LIMITS = re.compile(
 
 OTHER_SETTINGS = "learned.settings_changed"
 MOST_SHOWN = 4  # changed values in a sentence
-POWERS = (1, 2)  # of an axial term: slope and curvature
 MODEL = 0  # the version without learning: the lobe of the job through the response of the machine profile
 
 
@@ -257,5 +256,5 @@ def _judge(learned: LearnedCompensation) -> None:
     if (least := min(harmonic.lobes for harmonic in harmonics)) < 1:
         raise ValueError(f"lobes {least}")
     for term in (*learned.path.target.axial, *learned.path.command.axial, *(part.axial if part else ())):
-        if not (0 <= term.lobes <= MOST_HARMONICS and term.power in POWERS):
+        if not (0 <= term.lobes <= MOST_HARMONICS and term.power in AXIAL_POWERS):
             raise ValueError(f"lobes {term.lobes}, power {term.power}")

@@ -30,6 +30,7 @@ from profiles.job import Job
 from profiles.problem import Problem, refusal_error
 
 PARTIAL_FRACTION = 0.5
+AXIAL_POWERS = (1, 2)  # of an axial term: slope and curvature along a cut
 PLACES_ALONG = np.linspace(-1.0, 1.0, 41)  # of a cut, in half lengths past its middle
 TURNS_SIGN = 0.1  # factor of the amplitude at which what is even along the cut has seven tenths of its size
 
