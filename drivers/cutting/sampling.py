@@ -31,9 +31,9 @@ from profiles.problem import Problem
 Floats = NDArray[np.float64]
 _Result = TypeVar("_Result")
 
-PIECE_LONG_WORDS = 24  # between two polls at most: 80 ms at 38 400 baud, of a watchdog timeout of 300 ms
-POLL_OF_PIECE_S = 0.06  # how long a poll may take for whole pieces; pieces are shorter on a slower line
-LEAST_PIECE_LONG_WORDS = 4
+PIECE_LONG_WORDS = 24  # between two polls: 80 ms at 38 400 baud, of a watchdog timeout of 300 ms
+POLL_OF_PIECE_S = 0.06  # how long a poll may take for such a piece; pieces are shorter on a slower line
+LEAST_PIECE_LONG_WORDS, MOST_PIECE_LONG_WORDS = 4, 96  # the longest is one packet of a network, 1248 characters
 
 ANSWER_S = 0.17  # reply timeout under a watchdog, as for a poll
 MOST_LOST = 3  # consecutive batches that may be lost on the line
@@ -78,6 +78,7 @@ class BatchGather:
         self._from_counts = 0.0
         self._state: _State = None
         self._plan: GatherPlan | None = None
+        self._next_plan: GatherPlan | None = None  # that of the first batch may be shorter
         self._cut: CutPlan | None = None
         self._take: Callable[[Batch], None] = lambda _: None
 
@@ -90,12 +91,13 @@ class BatchGather:
         *,
         thrust: bool = False,
         from_counts: float | None = None,
+        first_s: float | None = None,
     ) -> None:
         """Set up the controller, at rest and after the program is loaded: defining a table deletes buffers.
 
         `samples_a_turn` are gathered at least: few are fetched sooner, so that more batches fit into a cut. With
         `thrust` the output of the tool's motor is gathered, too. Nothing is gathered before the carriage has come
-        to `from_counts`; None is a turn after the start of its feed.
+        to `from_counts`; None is a turn after the start of its feed. The first batch is `first_s` long, if given.
         """
         cycle_s = self._machine.controller.servo_period_ms / 1000.0
         sample_s = 60.0 / (samples_a_turn * cut.spindle_speed_rpm)
@@ -105,11 +107,13 @@ class BatchGather:
         if from_counts is not None:
             self._from_counts = max(self._from_counts, from_counts)
         names = (*self._names, self._output) if thrust else self._names
-        self._plan = self._try_step(
+        self._plan = self._next_plan = self._try_step(
             lambda: self._gathering.prepare(
                 self._gathering.motor_channels(*names), math.ceil(seconds / (period * cycle_s)), period
             )
         )
+        if first_s is not None:
+            self._next_plan = replace(self._plan, samples=math.ceil(first_s / (period * cycle_s)))
 
     def see(self, snapshot: Snapshot) -> None:
         """Process a poll of the machine: begin, end or fetch, with at most one request of any length.
@@ -161,10 +165,13 @@ class BatchGather:
                 return None
             if self._lost:
                 self._quick.stop()  # whether the lost one continues is unknown
-            self._quick.start(plan)
-            until_s = self._clock.now_s() + plan.duration_ms / 1000.0 + MARGIN_S
+            begun, self._next_plan = self._next_plan or plan, plan
+            self._quick.start(begun)
             return _Running(
-                until_s=until_s, from_counts=snapshot.carriage.position, face_deg=self._face_deg(snapshot)
+                plan=begun,
+                until_s=self._clock.now_s() + begun.duration_ms / 1000.0 + MARGIN_S,
+                from_counts=snapshot.carriage.position,
+                face_deg=self._face_deg(snapshot),
             )
         if not in_path:
             self._quick.stop()  # the end of the cut is in this batch: none of it is used
@@ -173,7 +180,7 @@ class BatchGather:
             return state
         self._quick.stop()
         middle_counts = 0.5 * (state.from_counts + snapshot.carriage.position)
-        return _Fetching(plan=plan, middle_counts=middle_counts, face_deg=state.face_deg)
+        return _Fetching(plan=state.plan, middle_counts=middle_counts, face_deg=state.face_deg)
 
     def _face_deg(self, snapshot: Snapshot) -> float:
         """Return the spindle angle at which the leading edge will be at the face of the part."""
@@ -188,9 +195,7 @@ class BatchGather:
         if state.complete:
             self._deliver(state)
             return None
-        # On a slow line the poll itself uses up the watchdog timeout, so a piece shrinks with the square.
-        fraction = min(1.0, POLL_OF_PIECE_S / max(self._round_trip(), POLL_OF_PIECE_S)) ** 2
-        piece = at_rest_words or max(LEAST_PIECE_LONG_WORDS, math.floor(fraction * PIECE_LONG_WORDS))
+        piece = at_rest_words or _piece_long_words(self._round_trip())
         count = min(piece, state.plan.long_words - state.words)
         answer_s = LISTING_TIMEOUT_S if at_rest_words else ANSWER_S
         part = self._client.request(f"LIST GATHER {state.words},{count}", answer_s)
@@ -245,8 +250,18 @@ class BatchGather:
         return DriverError(Problem(code="gather.failed", where=self._client.link.address, value=why))
 
 
+def _piece_long_words(round_trip_s: float) -> int:
+    """Return how many long words may be fetched between two polls on a line on which one took so long.
+
+    On a slow line the poll itself uses up the watchdog timeout, so a piece shrinks with the square.
+    """
+    fraction = POLL_OF_PIECE_S / max(round_trip_s, POLL_OF_PIECE_S * PIECE_LONG_WORDS / MOST_PIECE_LONG_WORDS)
+    return max(LEAST_PIECE_LONG_WORDS, math.floor(PIECE_LONG_WORDS * min(fraction, fraction**2)))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Running:
+    plan: GatherPlan
     until_s: float
     from_counts: float
     face_deg: float

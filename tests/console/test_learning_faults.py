@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from console.session.learning import learning
 from console.session.learning.learning import learn
 from console.text.catalogue import load
 from drivers.cutting import planning
-from drivers.cutting.planning import Strategy
+from drivers.cutting.cut_program import CutProgram
+from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.heartbeat import Heartbeat, cut_condition
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
@@ -113,8 +115,10 @@ def test_a_low_process_gain(console: Console, close: tuple[str, str], job_file: 
 
 MACHINE = compact_machine().machine
 JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=2.0)
-IN_CUT_S = 4.5
-"""Behind the start of the cut of a part: its way to the row of zeros takes 2.4 s, its run-up 0.8 s."""
+IN_CUT_S = 4.75
+"""Behind the start of the cut of a part: its way to the row of zeros takes 2.4 s, its run-up 0.8 s.
+
+A batch of the cut is being fetched then."""
 
 
 @dataclass
@@ -169,6 +173,21 @@ def test_who_deletes_the_gathering_ends_the_cut_with_the_tool_out(monkeypatch: M
     assert tip_mm > JOB.radius_mm + 1.0
     # The table was left in its row of zeros, and is off.
     assert row.sim.controller.variables.get(VariableKind.I, 51) == 0.0
+
+
+def test_what_a_blank_makes_is_trimmed_close_behind_the_face(monkeypatch: MonkeyPatch) -> None:
+    """Ten turns: one to be in the part, two measured, the rest fetched, of a batch that takes five and is awaited."""
+    row, behind_mm = Row(lambda _: None), list[float]()
+    setup = plan_cut(JOB, MACHINE, Strategy.CAM).setup
+    face = setup.carriage_face - 0.5 * MACHINE.tool.wiper_land_mm * MACHINE.carriage.counts_per_mm
+
+    def trim(*_: object) -> None:
+        behind_mm.append((row.met[-1].carriage.position - face) / MACHINE.carriage.counts_per_mm)
+
+    monkeypatch.setattr(CutProgram, "trim", trim)
+    row.learn(monkeypatch)
+    assert 3.0 * JOB.feed_mm_per_rev < behind_mm[0] < 10.0 * JOB.feed_mm_per_rev
+    assert all(later - earlier < 0.6 for earlier, later in pairwise(behind_mm))
 
 
 def test_a_reply_that_is_lost_costs_a_batch_and_no_part(monkeypatch: MonkeyPatch) -> None:

@@ -20,6 +20,7 @@ from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 
 AIR_BATCH_S, CUT_BATCH_S = 1.0, 0.25
+FACE_BATCH_TURNS = 2  # of the first batch in the part: what a blank makes is trimmed away close behind its face
 TRIM_GAIN = 0.7
 ROUNDED = 1e-6  # of a trim at its limit: its number must not be above that
 
@@ -78,7 +79,10 @@ class CutLearner:
         self._oval, self._beside = oval, beside_order(job.jaws)
         self._gather = lathe.program.batches()
         batch_mm = CUT_BATCH_S * job.feed_mm_per_rev * job.spindle_speed_rpm / 60.0
+        # Before the tool is in the part no chip presses it: a trim of that would be wrong in the cut.
+        self._face_mm = -0.5 * (job.cut_length_mm + lathe.machine.tool.wiper_land_mm)
         self._in_part_mm = 0.5 * (batch_mm - job.cut_length_mm)
+        self._turn_s = 60.0 / job.spindle_speed_rpm
         rate_hz = job.spindle_speed_rpm / 60.0
         self._response, self._oval_response = (
             TrimResponse(nominal=nominal_response(Strategy.PVT, lathe.machine, order * rate_hz))
@@ -93,8 +97,17 @@ class CutLearner:
         self.trim_um, self.oval_um = 0j, 0j
 
     def begin(self, plan: CutPlan) -> None:
-        """Set up gathering on the controller."""
-        self._gather.prepare(plan, self._samples_a_turn, CUT_BATCH_S, self._take)
+        """Set up gathering on the controller: the first batch a turn after the tool's edge is in the part."""
+        setup, machine = plan.setup, self._lathe.machine
+        land = machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
+        self._gather.prepare(
+            plan,
+            self._samples_a_turn,
+            CUT_BATCH_S,
+            self._take,
+            from_counts=setup.carriage_face - 0.5 * land + setup.carriage_per_turn,
+            first_s=FACE_BATCH_TURNS * self._turn_s,
+        )
 
     def see(self, snapshot: Snapshot) -> None:
         """Continue gathering. An error in it ends the cut at the end of its turn, tool out first."""
@@ -111,8 +124,7 @@ class CutLearner:
     def _take(self, batch: Batch) -> None:
         found = self._off(batch)
         self._found.append((batch.past_middle_mm, found, self.trim_um, self._short_um))
-        # Before the tool is in the part no chip presses it: a trim of that would be wrong in the cut.
-        if self._over or batch.past_middle_mm < self._in_part_mm:
+        if self._over or batch.past_middle_mm < self._face_mm:
             return
         self._short_um = {}
         error_um = found.coefficients_um
