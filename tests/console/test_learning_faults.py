@@ -176,7 +176,7 @@ def test_who_deletes_the_gathering_ends_the_cut_with_the_tool_out(monkeypatch: M
 
 
 def test_what_a_blank_makes_is_trimmed_close_behind_the_face(monkeypatch: MonkeyPatch) -> None:
-    """Ten turns: one to be in the part, two measured, the rest fetched, of a batch that takes five and is awaited."""
+    """Within ten turns: one to be in the part, two that are measured, and the rest to transfer them."""
     row, behind_mm = Row(lambda _: None), list[float]()
     setup = plan_cut(JOB, MACHINE, Strategy.CAM).setup
     face = setup.carriage_face - 0.5 * MACHINE.tool.wiper_land_mm * MACHINE.carriage.counts_per_mm
