@@ -45,6 +45,7 @@ SECTIONS = "sections"  # roundness profiles
 JITTER_MM = 0.05  # within which points are of one section (choice)
 GENERATRIX_DEG = 0.1  # within which points are of one generatrix (choice)
 LEAST_ON_LINE = 8  # points on each generatrix of a bird-cage: as many show one wave along it
+_AGAIN = ("trace.duplicate_angle", "trace.duplicate_point")
 _COMMON = ("state", "direction", "start_mark", "jaw_1_deg", "z_from", "filter_upr", "method", "size", "radius_mm")
 Lines = list[tuple[int, str]]
 """Lines of a file with their numbers."""
@@ -180,7 +181,7 @@ def _split(
         return _points(above, heights, text, where)
     if len(levels) > MOST_SECTIONS:
         raise too_large(where, f"{len(levels)} heights", f"{MOST_SECTIONS} heights")
-    found = []
+    found, twice = list[TraceSection](), list[Problem]()
     for z_mm, points in sorted(levels.items()):
         if len(points) < FEWEST_POINTS:
             at, value, limit = f"{where}:{points[0][0]}", str(len(points)), f">= {FEWEST_POINTS}"
@@ -189,8 +190,15 @@ def _split(
         for number, line in (*above, *points):
             if line:
                 reader.take(number, line)
+        again = [each for each in reader.problems if each.code in _AGAIN]
+        if len(again) == len(reader.problems) >= FEWEST_POINTS:  # a whole section, not a slip
+            key, value = f"Z {z_mm:g} mm", str(len(again))
+            twice.append(replace(again[0], code="trace.height_twice", key=key, value=value))
+            continue
         reader.finish()
         found.append(TraceSection(z_mm=z_mm, trace=trace_of_table(reader)))
+    if twice:
+        raise ProfileError(*twice)
     return _about_one_axis(found) if found and found[0].trace.centre_mm is not None else tuple(found)
 
 

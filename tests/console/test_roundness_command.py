@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from profiles.store import load_job
-from tests.console.commands import Console
+from tests.console.commands import Console, JobFile
 
 
 def trace(tmp_path: Path, angles_deg: Any, *head: str, eccentric_um: float = 0.0) -> Path:
@@ -340,3 +340,13 @@ def test_of_a_helix_the_form_is_stated_and_no_roundness(console: Console, tmp_pa
     assert "no sections: roundness is not stated" in console("roundness", str(path)).out
     judged = console("roundness", str(path), "--job", "lee-2001-experiment-1", "--fail-out-of-tolerance")
     assert judged.code == 1 and "a helix (3600 points)" in judged.err
+
+
+@pytest.mark.parametrize(("language", "words"), [("en", "Most likely"), ("ko", "가장 유력한")])
+@pytest.mark.parametrize(("limit_um", "fails"), [("20.0", False), ("1.0", True)])
+def test_only_of_a_part_that_fails_it_is_said_why_it_most_likely_does(
+    console: Console, job_file: JobFile, tmp_path: Path, language: str, words: str, limit_um: str, fails: bool
+) -> None:
+    job = job_file(overhang_mm="30.0", cut_length_mm="8.0", roundness_tolerance_um=limit_um)
+    said = console("--lang", language, "roundness", str(sections_file(tmp_path)), "--job", str(job)).out
+    assert (words in said) is fails and "Z 22.0" in said

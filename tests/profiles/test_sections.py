@@ -180,3 +180,14 @@ def test_sections_of_two_files_state_the_same_and_are_kept_in_one(tmp_path: Path
         assert one.z_mm == other.z_mm
         assert np.array_equal(one.trace.deviation_um, other.trace.deviation_um)
         assert other.trace.meta == {"start_mark": "jaw 1"}
+
+
+def test_a_height_that_is_there_twice_is_one_line_with_both_places() -> None:
+    content = "z_mm,angle_deg,deviation_um\n" + rows((22.0, 24.0, 24.0, 26.0, 22.0))
+    with pytest.raises(ProfileError) as refused:
+        parse_sections(content.encode(), where="a")
+    said = [(each.code, each.key, each.where, each.limit, each.value) for each in refused.value.problems]
+    assert said == [
+        ("trace.height_twice", "Z 22 mm", "a:290", "a:2", "72"),
+        ("trace.height_twice", "Z 24 mm", "a:146", "a:74", "72"),
+    ]

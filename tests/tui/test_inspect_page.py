@@ -23,13 +23,14 @@ from console.tui.inspection.comparison import compare_parts
 from console.tui.keymap import PageName
 from console.tui.lines import plain_text, width_of
 from console.tui.pages.inspect import InspectPage
-from console.tui.pages.inspect_lines import harmonic_lines, phase_from_jaw_deg, result_lines
+from console.tui.pages.inspect_lines import harmonic_lines, judged_line, phase_from_jaw_deg, result_lines
 from console.tui.pages.learn_lines import certified_lines
 from console.tui.plot.polar_view import PolarView
 from console.tui.theme import Token
 from console.tui.ui_context import View
 from drivers.cutting.planning import Strategy
 from profiles.compensations.certificate import CertifiedOrder, OrderStatus
+from profiles.metrology.conformity import JudgedFigure, ToleranceKind
 from profiles.metrology.cylindricity import PartSection, evaluate_cylinder
 from profiles.roundness import evaluate
 from profiles.traces import Trace
@@ -370,10 +371,16 @@ def test_a_part_that_is_round_in_its_middle_only_fails(room: tuple[int, int], la
         ("✓ ", "cylindricity_pass", {"value": f"{whole.cylt_um:.2f}", "limit": "40.00"}),
         ("✗ ", "diameter_fail", {"value": "51.806", "limit": "4", "at": text("inspect_page.at", z="30.0")}),
     )
+    if room == ROOMS[0]:  # each row keeps the section that it is of
+        failed = (
+            ("✗ ", "fail_brief", {"value": "12.00", "limit": "5", "z": "22.0"}),
+            failed[1],
+            ("✗ ", "diameter_fail_brief", {"value": "51.806", "limit": "4", "z": "30.0"}),
+        )
     cut = None if room == ROOMS[-1] else 18  # in little room a row has at least its beginning
     seen = shown(StationState(measured=sized), room, language)
     for mark, key, facts in failed:
-        assert (mark + text(f"inspect_page.{key}", **facts))[:cut] in seen
+        assert (mark + text(f"inspect_page.{key}", **facts)) in seen
     assert text("judged.section_at", z="26.0")[:10] not in seen
     one = StationState(measured=replace(sized, whole=None, diameter_mm=None))
     seen = shown(one, room, language)
@@ -457,3 +464,14 @@ def test_what_is_on_the_part_is_shown_beside_the_error_of_its_tool() -> None:
 def test_an_order_that_the_tool_hardly_follows_is_not_called_too_uncertain() -> None:
     (row,) = rows_of(replace(PART[-1], bound=0.5, bound_gain_1=0.5))
     assert "uncertain" not in row and row[-2:] == ["hardly", "follows"]
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("kind", [ToleranceKind.ROUNDNESS, ToleranceKind.DIAMETER])
+@pytest.mark.parametrize("value_um", [2.0, 123.45])
+def test_a_verdict_keeps_its_section_in_the_room_of_80_columns(
+    kind: ToleranceKind, value_um: float, language: str
+) -> None:
+    figure = JudgedFigure(kind=kind, value_um=value_um, limit_um=10.0, z_mm=29.5)
+    (row,) = [plain_text([judged_line(figure, 46.95, load(language), 32)])]
+    assert "Z 29.5" in row and "…" not in row

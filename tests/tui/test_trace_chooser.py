@@ -253,3 +253,17 @@ async def test_a_helix_is_named_with_its_form_and_is_not_taken(tmp_path: Path) -
         assert re.search(r"CYLt MZCY +4.00 um", text) and "a helix (3600 points)" in text
         await staged.do("inspect.next")
     assert staged.control.orders == []
+
+
+@pytest.mark.parametrize(
+    ("language", "words"), [("en", r"sections +3: Z 1.0 … 7.0 mm"), ("ko", "3개: Z 1.0 … 7.0 mm")]
+)
+async def test_the_number_of_sections_is_shown_before_anything_is_answered(
+    language: str, words: str, tmp_path: Path
+) -> None:
+    path = gauge(tmp_path, "stack.csv")
+    rows = [f"{z},{a:g},{np.cos(np.radians(3 * a)):.4f}" for z in (4, 1, 7) for a in np.arange(0.0, 360.0, 2.0)]
+    path.write_text("z_mm,angle_deg,deviation_um\n" + "\n".join(rows), encoding="utf-8")
+    async with Staged(tmp_path, language=language) as staged:
+        text = await staged.do("inspect.import")
+        assert re.search(words, text) and "s, d, j, e" in staged.next_step.replace("'", "")

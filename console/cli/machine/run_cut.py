@@ -234,7 +234,7 @@ def _run_lines(result: RunResult, text: Catalogue) -> list[str]:
     head = f"{sim}{plan.job.name} · {plan.machine.name} · {plan.cut.strategy}"
     force = [] if result.force is None else ["", force_words(result.force, text)]
     whole, failed = result.whole, result.within_tolerance is False
-    causes = cause_rows(whole, text) if whole is not None and (failed or whole.is_uneven) else []
+    causes = cause_rows(whole, result.judged, text) if whole is not None and (failed or whole.is_uneven) else []
     return ["", head, "", *_parts(result, text), *table(facts), *causes, *force]
 
 

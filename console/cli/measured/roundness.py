@@ -99,9 +99,8 @@ def main(options: Namespace, text: Catalogue) -> int:
 def _whole(options: Namespace, found: Sequence[TraceSection] | SurfacePoints, text: Catalogue) -> int:
     """Print the form over the length of a part that was measured in several sections, or in points."""
     from console.cli.library import naming
-    from console.cli.measured.roundness_report import form_fields, form_lines, judged_rows
+    from console.cli.measured.roundness_report import form_fields, form_lines
     from console.cli.output import show
-    from console.text.columns import table
     from console.text.part_sentences import judged_fields
     from profiles.files import printable
     from profiles.metrology.conformity import SectionForm, passes_all
@@ -119,9 +118,8 @@ def _whole(options: Namespace, found: Sequence[TraceSection] | SurfacePoints, te
     header, _ = header_of(meta)
     first = whole.sections[0] if whole.sections else SectionForm(z_mm=0.0, ront_um=0.0, mean_um=0.0)
     judged = _judged(options, header, first.z_mm, first.ront_um, first.mean_um, whole)
-    said = ["", *table(judged_rows(judged, text))] if judged else []
     fields = {"files": [options.file, *options.others], **form_fields(whole, meta), **judged_fields(judged)}
-    show(options, lambda: fields, lambda: [*form_lines(whole, meta, text), *said])
+    show(options, lambda: fields, lambda: form_lines(whole, meta, judged, text))
     if options.fail_out_of_tolerance and passes_all(judged) is False:
         return OUT_OF_TOLERANCE
     if options.fail_out_of_tolerance and isinstance(found, SurfacePoints):  # its roundness is not known

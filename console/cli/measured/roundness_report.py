@@ -18,9 +18,10 @@ from console.text.part_sentences import (
     states_index,
 )
 from profiles.metrology.circles import ReferenceCircle
-from profiles.metrology.conformity import JudgedFigure
+from profiles.metrology.conformity import JudgedFigure, passes_all
 from profiles.metrology.cylindricity import CylinderResult
 from profiles.metrology.harmonics import usable_factor
+from profiles.metrology.length_causes import causes_of_failure
 from profiles.metrology.points import gaussian_transmission
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult
@@ -89,8 +90,10 @@ def form_fields(whole: CylinderResult, meta: Mapping[str, str]) -> dict[str, obj
     }
 
 
-def form_lines(whole: CylinderResult, meta: Mapping[str, str], text: Catalogue) -> list[str]:
-    """Return the sections, the reference cylinders, taper and straightnesses in words."""
+def form_lines(
+    whole: CylinderResult, meta: Mapping[str, str], judged: Sequence[JudgedFigure], text: Catalogue
+) -> list[str]:
+    """Return the sections, the reference cylinders, taper, straightnesses and the verdict in words."""
     sections = [("Z", "RONt", text("roundness.mean"), "")]
     sections += [(f"{s.z_mm:.3f} mm", f"{s.ront_um:.3f}", f"{s.mean_um:+.3f}", "um") for s in whole.sections]
     cylinders: list[tuple[str, ...]] = [("", "CYLt", "CYLp", "CYLv", "CYLq", "")]
@@ -107,7 +110,8 @@ def form_lines(whole: CylinderResult, meta: Mapping[str, str], text: Catalogue) 
         *table(cylinders, numeric=(1, 2, 3, 4)),
         "",
         *table(lines, numeric=(1,)),
-        *cause_rows(whole, text),
+        *cause_rows(whole, judged, text),
+        *(["", *table(judged_rows(judged, text))] if judged else ()),
     ]
 
 
@@ -117,10 +121,12 @@ def judged_rows(figures: Sequence[JudgedFigure], text: Catalogue) -> list[tuple[
     return [("" if number else text("run.verdict"), each) for number, each in enumerate(words)]
 
 
-def cause_rows(whole: CylinderResult, text: Catalogue) -> list[str]:
-    """Return why the sections of a part differ, with a title; nothing where they do not."""
-    causes = [f"  {words}" for words in all_cause_words((), whole.causes, text)]
-    return ["", text("cause.title"), *causes] if causes else []
+def cause_rows(whole: CylinderResult, judged: Sequence[JudgedFigure], text: Catalogue) -> list[str]:
+    """Return why the sections of a part differ, or of one that fails what explains that; [] where they do not."""
+    along = causes_of_failure(whole.causes, judged)
+    title = text("cause.title" if passes_all(judged) is False else "cause.differ")
+    causes = [f"  {words}" for words in all_cause_words((), along, text)]
+    return ["", title, *causes] if causes else []
 
 
 def _parameters(found: RoundnessResult | ReferenceCircle) -> dict[str, float]:

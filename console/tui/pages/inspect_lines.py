@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from rich.cells import cell_len
+
 from console.session.data.measured_part import RecordedPart
 from console.session.data.run_rows import MODEL
 from console.session.station.state import MeasuredPart
@@ -282,8 +284,13 @@ def judged_line(figure: JudgedFigure, nominal_mm: float, text: Catalogue, width:
         value_mm = nominal_mm + (figure.value_um or 0.0) / 1000.0
         limit = text.units.format_short(figure.limit_um, "um")
         facts = {"value": text.units.figure(value_mm, "mm", 3), "limit": limit}
-    at = "" if figure.z_mm is None else text("inspect_page.at", z=text.units.figure(figure.z_mm, "mm", 1))
-    return line((mark + fit_text(text(f"inspect_page.{what}{word}", at=at, **facts), max(width - 2, 0)), token))
+    z = "" if figure.z_mm is None else text.units.figure(figure.z_mm, "mm", 1)
+    at = z and text("inspect_page.at", z=z)
+    room, words = max(width - 2, 0), text(f"inspect_page.{what}{word}", at=at, **facts)
+    if z and cell_len(words) > room:
+        facts["limit"] = text.units.format_short(figure.limit_um, "um")
+        words = text(f"inspect_page.{what}{word}_brief", z=z, **facts)
+    return line((mark + fit_text(words, room), token))
 
 
 def roundness_facts(ront_um: float, limit_um: float | None, text: Catalogue) -> dict[str, str]:

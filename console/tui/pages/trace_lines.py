@@ -94,7 +94,11 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     if not isinstance(found, EvaluatedPart):
         return [*rows, BLANK, *_problem_lines(found, text, width)]
     rows += [BLANK, _row(text("trace_import.points"), str(found.trace.angle_deg.size), width)]
-    rows += _section_rows(found, text, width) if found.sections else []
+    if len(filed := found.sections) > 1:
+        first, last = (text.units.figure(filed[place].z_mm or 0.0, "mm", 1) for place in (0, -1))
+        among = text("trace_import.among", count=len(filed), first=first, last=last)
+        rows.append(_row(text("trace_import.sections"), among, width, Token.STRONG))
+    rows += _section_rows(found, text, width) if filed else []
     if found.whole is not None:
         cylt_um = found.whole.cylinder(MINIMUM_ZONE).cylt_um
         rows.append(_row("CYLt MZCY", text.units.show(cylt_um, "um", 2), width, Token.STRONG))
