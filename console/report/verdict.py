@@ -62,16 +62,17 @@ def judge_run(run: OpenedRun, text: Catalogue) -> ReportVerdict:
     if passed is None:
         unproven = run.story.cut_verdict.get("cut_verdict") == CutJudgement.NOT_PROVEN
         open_for = "report.why.no_length" if product.is_good is None else "report.why.no_judgement"
+        open_for = "report.why.no_sections" if product.ront_um is None else open_for
         open_for = "report.why.not_proven" if unproven else open_for
         why = "report.why.partial" if row.stage == Stage.PARTIAL else open_for
-        return ReportVerdict(judgement=Judgement.OPEN, reasons=(text(why),))
+        return ReportVerdict(judgement=Judgement.OPEN, reasons=(text(why), *judged))
     return ReportVerdict(judgement=Judgement.GOOD if passed else Judgement.BAD, reasons=judged)
 
 
 def _list_verdict_reasons(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     """Yield each measured value against its limit."""
     recorded = run.product
-    if recorded is None or recorded.passed is None:
+    if recorded is None or (recorded.passed is None and recorded.ront_um is not None):
         return
     for each in recorded.judged:
         if each.value_um is not None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from console.text.catalogue import Catalogue
 from profiles.strict_values import number_or_none
+from profiles.trace_files.sections import NO_SECTIONS
 
 NOTHING = "–"
 
@@ -45,10 +46,22 @@ def stretch_words(event: Mapping[str, Any], text: Catalogue, form: str = "words"
     )
 
 
+def ront_words(ront_um: float | None, text: Catalogue) -> str:
+    """Return RONt of a part, a dash where it is not known."""
+    return NOTHING if ront_um is None else text.units.show(ront_um, "um", 2)
+
+
 def form_words(event: Mapping[str, Any], text: Catalogue) -> str:
-    """Return CYLt with its sections and the worst of them; of one section its Z. "" if neither was kept."""
+    """Return CYLt with its sections and the worst of them; of one section its Z, of points that RONt is not known.
+
+    It is "" if none of them was kept.
+    """
     rows, z_mm = _sections(event), number_or_none(event.get("section_z_mm"))
     cylt_um, taper_um = (number_or_none(event.get(f"{name}_um")) for name in ("CYLt", "taper"))
+    extraction = event.get("extraction")
+    if cylt_um is not None and taper_um is not None and extraction in NO_SECTIONS:
+        how = text(f"section.strategy.{extraction}", count=event.get("points"))
+        return text("sections.points", cylt=f"{cylt_um:.2f}", extraction=how, taper=f"{taper_um:+.1f}")
     if not rows or cylt_um is None or taper_um is None:
         return "" if z_mm is None else text("sections.single", z=text.units.show(z_mm, "mm", 2))
     worst_mm, ront_um, _ = max(rows, key=lambda row: row[1])

@@ -150,7 +150,8 @@ def judged_words(figure: JudgedFigure, text: Catalogue) -> str:
     """Return a figure with its section and its verdict, or that it was not judged."""
     limit = f"{figure.limit_um:g}"
     if figure.value_um is None:
-        return text("judged.open", limit=limit)
+        is_form = figure.kind is ToleranceKind.CYLINDRICITY
+        return text("judged.open" if is_form else "judged.open_roundness", limit=limit)
     sign = "+" if figure.kind is ToleranceKind.DIAMETER else ""
     value = text.units.figure(figure.value_um, "um", 2, sign)
     words = text(f"judged.{figure.kind}", value=value, at=place_words(figure.z_mm, text))

@@ -6,6 +6,7 @@ the section that is furthest off. Plain numbers, lengths in um, Z in mm: nothing
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -59,11 +60,12 @@ class JudgedFigure:
 def judge_part(
     limits: Tolerances,
     *,
-    ront_um: float,
+    ront_um: float | None,
     mean_um: float,
     off_um: float | None,
     z_mm: float | None = None,
     sections: Sequence[SectionForm] = (),
+    taper_um: float = 0.0,
     cylt_um: float | None = None,
 ) -> tuple[JudgedFigure, ...]:
     """Return each figure of a part that has a limit, at its worst section.
@@ -71,15 +73,22 @@ def judge_part(
     RONt and mean deviation are those of the section at `z_mm` that was evaluated in full, `off_um` its mean
     diameter less the nominal one, None without a size: then no diameter is judged. `sections` are all of them,
     their mean deviations from the same radius; with too few for a cylindricity there are none, and no `cylt_um`.
+
+    Points that are no sections have no RONt (None): they show no roundness. `off_um` is that of their cylinder,
+    whose radius rises by `taper_um` over the length: the diameter is judged at the end that is further off.
     """
     found, kind = list[JudgedFigure](), ToleranceKind
     if (limit_um := limits.roundness_um) is not None:
-        rounds = [(ront_um, z_mm), *((each.ront_um, each.z_mm) for each in sections)]
-        worst_um, at_mm = max(rounds, key=lambda each: each[0])
+        worst_um, at_mm = ront_um, z_mm
+        for each in sections:
+            if worst_um is not None and each.ront_um > worst_um:
+                worst_um, at_mm = each.ront_um, each.z_mm
         found.append(JudgedFigure(kind=kind.ROUNDNESS, value_um=worst_um, limit_um=limit_um, z_mm=at_mm))
     if (limit_um := limits.cylindricity_um) is not None:
         found.append(JudgedFigure(kind=kind.CYLINDRICITY, value_um=cylt_um, limit_um=limit_um))
     if (limit_um := limits.diameter_um) is not None and off_um is not None:
+        if ront_um is None:
+            off_um += math.copysign(taper_um, off_um)
         offs = [(off_um, z_mm), *((off_um + 2.0 * (each.mean_um - mean_um), each.z_mm) for each in sections)]
         worst_um, at_mm = max(offs, key=lambda each: abs(each[0]))
         found.append(JudgedFigure(kind=kind.DIAMETER, value_um=worst_um, limit_um=limit_um, z_mm=at_mm))
@@ -87,7 +96,7 @@ def judge_part(
 
 
 def passes_all(figures: Iterable[JudgedFigure]) -> bool | None:
-    """Return whether a part is good; None if nothing fails, but its cylindricity was not measured."""
+    """Return whether a part is good; None if nothing fails, but one was not measured."""
     judged = [each.passes for each in figures]
     return False if False in judged else None if None in judged else True
 

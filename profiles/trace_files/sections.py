@@ -40,7 +40,7 @@ LARGEST_MM = 10_000.0
 HEIGHT = "z_mm"
 INDEX = "index"  # header line: what makes angle 0 the same for all sections
 BIRD_CAGE, HELIX, POINTS = "bird-cage", "helix", "points"
-_NO_SECTIONS = {BIRD_CAGE: "trace.bird_cage", HELIX: "trace.helix", POINTS: "trace.scattered"}
+NO_SECTIONS = {BIRD_CAGE: "trace.bird_cage", HELIX: "trace.helix", POINTS: "trace.scattered"}
 SECTIONS = "sections"  # roundness profiles
 JITTER_MM = 0.05  # within which points are of one section (choice)
 GENERATRIX_DEG = 0.1  # within which points are of one generatrix (choice)
@@ -128,7 +128,7 @@ def parse_sections(content: bytes, *, where: str = "") -> tuple[TraceSection, ..
 
 def no_sections(points: SurfacePoints, where: str) -> Problem:
     """Return that the roundness of a section is not to be had from such points."""
-    return Problem(code=_NO_SECTIONS[points.strategy], where=where, value=str(points.z_mm.size))
+    return Problem(code=NO_SECTIONS[points.strategy], where=where, value=str(points.z_mm.size))
 
 
 def sections_content(sections: Sequence[TraceSection]) -> bytes:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -125,10 +127,12 @@ def test_a_helix_has_a_form_and_is_no_verdict_on_roundness(tmp_path: Path, job: 
     path, angle = tmp_path / "helix.csv", np.arange(0.0, 7200.0, 2.0)
     rows = [f"{22 + a / 900:.5f};{a:g};{2 * np.cos(np.radians(3 * a)):.4f}" for a in angle]
     path.write_text(STATED + "Z [mm];Angle [deg];Deviation [um]\n" + "\n".join(rows), encoding="utf-8")
+    assert read(path, job, {}).open == ("z_from",)
     found = read(path, job, JAWS)
     assert found.whole is not None and found.whole.event()["extraction"] == "helix"
     assert found.whole.event()["CYLt_um"] == pytest.approx(4.0, abs=0.01)
-    assert (found.ready, [each.code for each in found.problems]) == (False, ["trace.helix"])
+    assert (found.ready, found.judged, [each.code for each in found.warnings]) == (True, None, ["trace.helix"])
+    assert [each.code for each in read(path, replace(job, cut_length_mm=5.0), JAWS).problems] == ["trace.off_cut"]
 
 
 def test_learning_takes_the_section_at_mid_cut_of_a_file_of_several(
@@ -169,3 +173,46 @@ def test_the_record_of_a_part_has_its_sections_as_those_of_the_simulated_gauge(o
     trace = part.read_trace()
     assert trace is not None
     assert float(np.ptp(trace.deviation_um)) == pytest.approx(7.0, abs=0.01), "that of the middle of the three"
+
+
+@pytest.mark.parametrize(("limit_um", "passed"), [(6.0, None), (3.0, False)])
+def test_a_helix_judges_the_form_of_its_part_in_the_record_the_report_and_the_commands(
+    outside: Outside, console: Console, tmp_path: Path, limit_um: float, passed: bool | None
+) -> None:
+    job = replace(outside.job.job, cylindricity_tolerance_um=limit_um)
+    outside.job = replace(outside.job, job=job)
+    outside.cut()
+    with closing(sqlite3.connect(outside.data / "records.sqlite3")) as earlier:  # its schema demanded a RONt
+        earlier.execute("PRAGMA writable_schema = ON")
+        earlier.execute("UPDATE sqlite_schema SET sql = replace(sql, 'ront_um REAL,', 'ront_um REAL NOT NULL,')")
+        earlier.commit()
+    path, angle = tmp_path / "a helix.csv", np.arange(0.0, 7200.0, 2.0)
+    rows = [f"{job.overhang_mm - 0.45 * a / 7200:.6f};{a:g};{2 * np.cos(np.radians(3 * a)):.4f}" for a in angle]
+    path.write_text("# state: free\nZ [mm];Angle [deg];Deviation [um]\n" + "\n".join(rows), encoding="utf-8")
+    state = outside.take(path, **JAWS)
+    assert (state.measured, state.cut_done) == (None, False)
+    assert state.form is not None and state.form.whole.cylt_um == pytest.approx(4.0, abs=0.01)
+    assert [(each.kind, each.passes) for each in state.form.judged][:2] == [
+        ("roundness", None),
+        ("cylindricity", passed is None),
+    ]
+    assert replace(state.form, proven=True).passes is passed
+    (run,) = runs(outside.data)
+    (part,) = story(outside.data, run.run_id).parts
+    assert (run.passed, run.ront_um, part.trace, part.trace_name) == (
+        state.form.passes,
+        None,
+        path.read_bytes(),
+        path.name,
+    )
+    data = ("--data", str(outside.data))
+    shown = console("records", "show", run.run_id, *data).out
+    assert "CYLt 4.00 um" in shown and "RONt not" in shown and "helix, 3600 points" in shown
+    for words in (("records", "list"), ("records", "debrief", run.run_id)):
+        assert console(*words, *data).code == 0
+    report = tmp_path / "report.html"
+    assert console("report", run.run_id, "--output", str(report), *data).code == 0
+    html = report.read_text(encoding="utf-8")
+    assert "helix, 3600 points" in html and ("not known" in html or "not judged" in html)
+    again = outside.take(path, **JAWS)
+    assert again.refusals == () and again.form is not None, "the same part may be measured again"

@@ -243,7 +243,7 @@ async def test_a_mark_is_taken_back_and_one_file_alone_has_no_key_for_it(tmp_pat
         assert "▸ one.csv" in await staged.do("inspect.together")
 
 
-async def test_a_helix_is_named_with_its_form_and_is_not_taken(tmp_path: Path) -> None:
+async def test_a_helix_is_named_with_its_form_and_taken_once_its_state_and_z_are_known(tmp_path: Path) -> None:
     path = gauge(tmp_path, "helix.csv")
     angle = np.arange(0.0, 7200.0, 2.0)
     rows = [f"{22 + a / 900:.5f},{a:g},{2 * np.cos(np.radians(3 * a)):.4f}" for a in angle]
@@ -252,7 +252,12 @@ async def test_a_helix_is_named_with_its_form_and_is_not_taken(tmp_path: Path) -
         text = await staged.do("inspect.import")
         assert re.search(r"CYLt MZCY +4.00 um", text) and "a helix (3600 points)" in text
         await staged.do("inspect.next")
-    assert staged.control.orders == []
+        assert staged.control.orders == [] and "s, e" in staged.next_step
+        await staged.do("inspect.state", "inspect.height")
+        await staged.do("inspect.next")
+    (order,) = staged.control.orders
+    assert isinstance(order, TakeTrace)
+    assert (order.path, order.answers) == (path, {"state": "free", "z_from": "jaw faces"})
 
 
 @pytest.mark.parametrize(

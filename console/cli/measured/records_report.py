@@ -269,7 +269,8 @@ def _part_lines(part: RecordedPart, text: Catalogue) -> list[str]:
 
 
 def _part_line(part: RecordedPart, text: Catalogue) -> str:
-    facts = [part.part, f"RONt {part.ront_um:.2f} um"]
+    known = part.ront_um is not None
+    facts = [part.part, f"RONt {part.ront_um:.2f} um" if known else form_words(part.data, text)]
     if SECTION_Z in part.data:
         facts.append(at_height(number_or_none(part.data[SECTION_Z]), text))
     if part.lobe_um_pp is not None:

@@ -103,7 +103,8 @@ def _whole(options: Namespace, found: Sequence[TraceSection] | SurfacePoints, te
     from console.cli.output import show
     from console.text.part_sentences import judged_fields
     from profiles.files import printable
-    from profiles.metrology.conformity import SectionForm, passes_all
+    from profiles.metrology.conformity import passes_all
+    from profiles.metrology.cylindricity import LEAST_SQUARES
     from profiles.problem import ProfileError
     from profiles.trace_files.header import header_of
     from profiles.trace_files.sections import SurfacePoints, no_sections
@@ -116,8 +117,12 @@ def _whole(options: Namespace, found: Sequence[TraceSection] | SurfacePoints, te
         whole = _evaluate(options, found)
     meta = found.meta if isinstance(found, SurfacePoints) else found[0].trace.meta
     header, _ = header_of(meta)
-    first = whole.sections[0] if whole.sections else SectionForm(z_mm=0.0, ront_um=0.0, mean_um=0.0)
-    judged = _judged(options, header, first.z_mm, first.ront_um, first.mean_um, whole)
+    if isinstance(found, SurfacePoints):  # of points that are no sections only the form is known
+        heights, mean_um = found.z_mm.tolist(), whole.cylinder(LEAST_SQUARES).deviation_um
+        judged = _judged(options, header, None, None, mean_um, whole, (min(heights), max(heights)))
+    else:
+        first, heights = whole.sections[0], [each.z_mm for each in whole.sections]
+        judged = _judged(options, header, first.z_mm, first.ront_um, first.mean_um, whole, heights)
     fields = {"files": [options.file, *options.others], **form_fields(whole, meta), **judged_fields(judged)}
     show(options, lambda: fields, lambda: form_lines(whole, meta, judged, text))
     if options.fail_out_of_tolerance and passes_all(judged) is False:
@@ -141,18 +146,19 @@ def _judged(
     options: Namespace,
     header: TraceHeader,
     z_mm: float | None,
-    ront_um: float,
+    ront_um: float | None,
     mean_um: float,
     whole: CylinderResult | None = None,
+    heights: Sequence[float] = (),
 ) -> tuple[JudgedFigure, ...]:
-    """Return the figures of a part against the limits of its job, none without a job.
+    """Return the figures of a part against the limits of its job, none without a job; `heights` are its own.
 
     Raises ProfileError: `trace.off_cut`, a section lies off the cut; heights count from the jaw faces, if the
     header says nothing else.
     """
     from console.cli.library import job_of
     from console.session.learning.evaluated_part import place_heights
-    from profiles.metrology.conformity import Tolerances, judge_part
+    from profiles.metrology.conformity import judge_part
     from profiles.metrology.cylindricity import LEAST_SPAN
     from profiles.problem import ProfileError
     from profiles.trace_files.header import Z_FROM
@@ -162,23 +168,21 @@ def _judged(
     job, off_um = job_of(options).job, None
     if whole is not None:
         counted = replace(header, z_from=header.z_from or Z_FROM[0])
-        if outside := place_heights([each.z_mm for each in whole.sections], counted, job)[1]:
+        if outside := place_heights(heights, counted, job)[1]:
             raise ProfileError(*outside)
     if header.radius_mm is not None and header.size != "relative":
         off_um = 2000.0 * (header.radius_mm - job.finished_radius_mm) + 2.0 * mean_um
     sections, cylt_um = ((), None) if whole is None else (whole.sections, whole.cylt_um)
-    limits = job.tolerances
-    if sections and sections[-1].z_mm - sections[0].z_mm < LEAST_SPAN * job.cut_length_mm:
+    if heights and heights[-1] - heights[0] < LEAST_SPAN * job.cut_length_mm:
         cylt_um = None  # a sliver says nothing about the length
-    if whole is not None and not sections:  # of points that are no sections only the form is known
-        limits = Tolerances(cylindricity_um=limits.cylindricity_um)
     return judge_part(
-        limits,
+        job.tolerances,
         ront_um=ront_um,
         mean_um=mean_um,
         off_um=off_um,
         z_mm=z_mm,
         sections=sections,
+        taper_um=0.0 if whole is None else whole.taper_um,
         cylt_um=cylt_um,
     )
 

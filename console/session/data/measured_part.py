@@ -313,6 +313,7 @@ CYLINDRICITY_LIMIT = "cylindricity_tolerance_um"  # of the figures of a part
 class RecordedPart:
     """A measured part of a run.
 
+    `ront_um` is None of one measured in points that are no sections: then `data` has its form, and no harmonics.
     `part` names it among those of its run, empty for the only one; `product` is False of one that was cut for
     comparison. `data` has the parameters, the harmonics ("harmonics": n, amplitude_um, phase_deg) and the proposed
     learning step ("learning"). `trace` are the bytes of the trace's file, as `parse_sections` takes
@@ -321,7 +322,7 @@ class RecordedPart:
     `inverted` are those of `RunRow`.
     """
 
-    ront_um: float
+    ront_um: float | None
     part: str = ""
     product: bool = True
     tolerance_um: float | None = None
@@ -385,6 +386,7 @@ class RecordedPart:
             mean_um=number_or_none(self.data.get("mean_deviation_um")) or 0.0,
             off_um=self.off_nominal_um,
             sections=self.sections,
+            taper_um=number_or_none(self.data.get("taper_um")) or 0.0,
             cylt_um=number_or_none(self.data.get("CYLt_um")),
         )
 

@@ -32,6 +32,7 @@ from console.session.data.record_file import (
     retrying,
     transaction,
 )
+from console.session.data.record_schema import MAY_LACK_ROUNDNESS
 from console.session.data.run_log import CLOSE_TIMEOUT_S, RunLog, event_json, event_statement
 from console.session.data.run_story import MACHINE_S
 from console.session.data.version_control import VERSIONED, cut_from, is_clone
@@ -303,7 +304,9 @@ def _measurement(run_id: str, at_utc: str, part: RecordedPart | None) -> list[St
     trace, values = part.trace or b"", (getattr(part, name) for name in PART_COLUMNS)
     plain = tuple(int(value) if isinstance(value, bool) else value for value in values)
     sha256 = hashlib.sha256(trace).hexdigest()
+    lifted = MAY_LACK_ROUNDNESS if part.ront_um is None else ()
     return [
+        *((line, ()) for line in lifted),
         (_INSERT, (run_id, run_id, at_utc, sha256, event_json(part.data), *plain)),
         (f"INSERT INTO traces SELECT ?, ({_NEXT}), ?", (run_id, run_id, zlib.compress(trace, 6))),
     ]

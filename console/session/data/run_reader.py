@@ -122,9 +122,9 @@ _MEASURED = f"""
 SELECT measurements.run_id, measurements.at_utc, strategy, stage, compensation, setup, runs.tolerance_um,
     {", ".join(f"measurements.{name}" for name in PART_COLUMNS)}
 FROM runs JOIN measurements ON measurements.run_id = runs.run_id
-WHERE product = 1 AND job = ? AND machine = ? AND simulated = ?
+WHERE product = 1 AND ront_um IS NOT NULL AND job = ? AND machine = ? AND simulated = ?
 AND number = (SELECT max(number) FROM measurements AS again WHERE again.run_id = measurements.run_id
-    AND again.part = measurements.part)
+    AND again.part = measurements.part AND again.ront_um IS NOT NULL)
 ORDER BY runs.rowid DESC, number DESC LIMIT ?
 """
 
@@ -133,6 +133,8 @@ def measured_parts(
     folder: Path, job: str, machine: str, simulated: bool, limit: int = 500
 ) -> tuple[RecordedPart, ...]:
     """Return the last measured products of a job on a machine, oldest first; the last measurement of each.
+
+    Those of which no roundness is known are left out.
 
     Raises SessionError: as `runs`.
     """

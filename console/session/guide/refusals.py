@@ -114,6 +114,10 @@ def _size_doubt(s: Situation) -> Problems:
     return _one(None if s.state.measured is None else s.state.measured.size_doubt)
 
 
+def _no_sections(s: Situation) -> Problems:
+    return _one(None if s.state.form is None else s.state.form.no_sections)
+
+
 _WAITS: Against = (lambda s: bool(waiting(s.state)), _wait)
 _NO_JOB: Against = (lambda s: s.work is None, _because("screen.nothing_to_align"))
 _NO_PART: Against = (lambda s: s.state.measured is None, _because("trace.no_part"))
@@ -194,7 +198,10 @@ _INSPECT: dict[str, tuple[Against, ...]] = {
         (lambda s: s.state.moving, _because("machine.moving")),
         (lambda s: not s.state.cut_done, _because("session.nothing_cut")),
     ),
-    "inspect.accept": ((is_always_due, lambda s: why_not_accepted(s.state.measured, s.work)),),
+    "inspect.accept": (
+        (lambda s: bool(_no_sections(s)), _no_sections),
+        (is_always_due, lambda s: why_not_accepted(s.state.measured, s.work)),
+    ),
     "inspect.revert": ((is_always_due, lambda s: why_not_reverted(s.work)),),
     "inspect.offset": (
         (lambda s: s.state.measured is not None and s.state.measured.tool_offset_um is not None, _wait),

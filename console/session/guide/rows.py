@@ -89,6 +89,10 @@ def _in_air(s: Situation) -> bool:
     return s.state.cut is not None and s.state.cut.in_air
 
 
+def _form_fails(s: Situation) -> bool:
+    return s.state.form is not None and s.state.form.passes is False
+
+
 _HALF = _part(lambda part, _: part.is_half)
 _TAKEN = _part(lambda part, s: is_taken(part.lobe, s.work))
 _HAS_LOBE = _part(lambda part, _: part.lobe is not None and not part.lobe.reasons)
@@ -221,6 +225,12 @@ INSPECT = (
         Row("inspect.air_no_half", lambda s: _in_air(s) and not s.state.cut_done, "preview.stage"),
         Row("inspect.measure", lambda s: s.state.cut_done and s.state.simulated, "inspect.measure", do.Measure),
         Row("inspect.measure_outside", lambda s: s.state.cut_done, "inspect.import", do.TakeTrace),
+        Row(
+            "inspect.form_failed",
+            lambda s: s.state.form is not None and s.state.form.passes is False,
+            "inspect.next",
+        ),
+        Row("inspect.form", lambda s: s.state.form is not None, "inspect.import"),
         Row("inspect.cut", lambda s: s.state.simulated, "page.run"),
         Row("inspect.cut_outside", is_always_due, "page.run"),
     ),
@@ -280,7 +290,8 @@ def _table_of(now: Situation) -> tuple[Row, ...]:
         return RUN
     if waiting(state) and state.activity is not Activity.MEASURING:
         return ALIGN
-    if state.cut_done or (state.measured is not None and now.alignment.clamping is None):
+    measured = state.measured is not None or state.form is not None
+    if state.cut_done or (measured and now.alignment.clamping is None):
         return INSPECT
     if now.work is None or row_of(ALIGN_STEPS, now).word == "align.valid":
         return RUN

@@ -60,6 +60,9 @@ QUESTIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 """Header keys that an operator is asked for where the file does not state them, with the possible answers."""
 
+_OF_FORM = ("state", "z_from")
+"""Those that matter for points that are no sections: nothing of them is placed on the spindle."""
+
 UNKNOWN_STATE = "unknown"
 _FULL_TURN_DEG = 360.0
 SAME_UM, SAME_MM = 1e-6, 1e-9
@@ -133,7 +136,12 @@ class EvaluatedPart:
     @property
     def ready(self) -> bool:
         """Whether the part can be judged by the trace."""
-        return self.judged is not None and not self.open and not self.problems
+        return (self.judged is not None or self.is_points) and not self.open and not self.problems
+
+    @property
+    def is_points(self) -> bool:
+        """Whether it was measured in points that are no sections: its form is judged, and no roundness."""
+        return self.whole is not None and not self.whole.sections
 
     @property
     def mean_diameter_mm(self) -> float | None:
@@ -219,13 +227,13 @@ def read_gauge_file(
 
     `answers` replace the keys of `QUESTIONS` that the file does not state; `simulated`: the part was cut in a
     simulator, `lathe` names the simulated lathe, "" if unknown. It is judged by the section nearest to the middle
-    of the cut. Of points that are no sections only `whole` is known: they are a problem.
+    of the cut. Of points that are no sections only `whole` is known; a warning says so.
 
     Raises ProfileError: the file cannot be read, or its points cannot be evaluated.
     """
     content, filed = _read_files(path, others)
     if isinstance(filed, SurfacePoints):
-        return _points_of_file(path, content, filed, job)
+        return _points_of_file(path, content, filed, job, answers, simulated=simulated, lathe=lathe)
     heights = filed[0].z_mm is not None
     asked = _list_questions(header_of(filed[0].trace.meta)[0], heights=heights)
     given = {key: answers[key] for key in asked if key in answers}
@@ -320,13 +328,13 @@ def _judge(found: EvaluatedPart, turns: Sequence[tuple[float | None, Trace]], jo
     others = [(z, each) for (z, _), each in zip(turns, results, strict=True) if each is not results[found.place]]
     warnings = tuple(replace(each, where=f"Z {z:g} mm") for z, result in others for each in result.warnings)
     sections = [part_section(each) for each in found.sections if each.z_mm is not None]
-    span_mm, least_mm = np.ptp([each.z_mm for each in sections] or [0.0]), LEAST_SPAN * job.cut_length_mm
-    whole = measured_whole(sections) if span_mm >= least_mm else None
-    if others and whole is None:
-        code, value, limit = "trace.few_sections", str(len(turns)), f">= {LEAST_SECTIONS}"
-        if len(sections) >= LEAST_SECTIONS:
-            code, value, limit = "trace.short_length", f"{span_mm:.3g} mm", f">= {least_mm:.3g} mm"
-        warnings += (Problem(code=code, key=HEIGHT, value=value, limit=limit),)
+    short = _too_short(float(np.ptp([each.z_mm for each in sections] or [0.0])), job)
+    whole = None if short else measured_whole(sections)
+    if others and len(sections) < LEAST_SECTIONS:
+        value, limit = str(len(turns)), f">= {LEAST_SECTIONS}"
+        warnings += (Problem(code="trace.few_sections", key=HEIGHT, value=value, limit=limit),)
+    elif others:
+        warnings += short
     result = turn_result_to_spindle(results[found.place], header, job.jaw_1_deg)
     trace = found.trace
     problems = unit_doubt(result.ront_um, trace.meta, plane=trace.centre_mm is not None)
@@ -349,10 +357,24 @@ def at_height(z_mm: float | None) -> Iterator[None]:
         raise ProfileError(*(replace(each, where=each.where or where) for each in error.problems)) from error
 
 
-def _points_of_file(path: Path, content: bytes, filed: SurfacePoints, job: Job) -> EvaluatedPart:
-    """Return points that are no sections: their form is known, but no roundness."""
-    cloud = Trace(angle_deg=filed.angle_deg, deviation_um=filed.deviation_um, meta=filed.meta)
-    header, warnings = header_of(filed.meta)
+def _points_of_file(
+    path: Path,
+    content: bytes,
+    filed: SurfacePoints,
+    job: Job,
+    answers: Mapping[str, str],
+    *,
+    simulated: bool,
+    lathe: str,
+) -> EvaluatedPart:
+    """Return points that are no sections: their form over the length is judged, and no roundness."""
+    listed = _list_questions(header_of(filed.meta)[0], heights=True)
+    asked = tuple(key for key in listed if key in _OF_FORM)
+    given = {key: answers[key] for key in asked if key in answers}
+    meta = MappingProxyType({**filed.meta, **given})
+    cloud = Trace(angle_deg=filed.angle_deg, deviation_um=filed.deviation_um, meta=meta)
+    (header, warnings), whole = header_of(meta), evaluate_points(filed)
+    _, outside = place_heights([float(filed.z_mm.min()), float(filed.z_mm.max())], header, job)
     return EvaluatedPart(
         path=path,
         content=content,
@@ -360,10 +382,26 @@ def _points_of_file(path: Path, content: bytes, filed: SurfacePoints, job: Job) 
         header=header,
         turn=cloud,
         job=job,
-        whole=evaluate_points(filed),
-        warnings=warnings,
-        problems=(no_sections(filed, ""),),
+        asked=asked,
+        open=tuple(key for key in asked if key not in given),
+        whole=whole,
+        warnings=(*warnings, no_sections(filed, "")),
+        problems=(
+            *_refusals(cloud, header, simulated=simulated, lathe=lathe),
+            *outside,
+            *_too_short(float(np.ptp(filed.z_mm)), job),
+            *unit_doubt(whole.cylt_um, meta, plane="radius_mm" in meta),
+        ),
     )
+
+
+def _too_short(span_mm: float, job: Job) -> tuple[Problem, ...]:
+    """Return why heights so far apart do not show the form over the cut; nothing where they do."""
+    least_mm = LEAST_SPAN * job.cut_length_mm
+    if span_mm >= least_mm:
+        return ()
+    value, limit = f"{span_mm:.3g} mm", f">= {least_mm:.3g} mm"
+    return (Problem(code="trace.short_length", key=HEIGHT, value=value, limit=limit),)
 
 
 def place_heights(

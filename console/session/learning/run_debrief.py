@@ -92,7 +92,7 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
     """
     part = story.product
     judged = part is not None and part.passed is not None and part.tolerance_um is not None
-    fails_round = judged and part is not None and not part.is_round
+    fails_round = judged and part is not None and part.is_round is False
     causes: tuple[Cause, ...] = ()
     unknown = list(_unknown(story, part))
     if fails_round and not explains:
@@ -160,6 +160,7 @@ def _unknown(story: RunStory, part: RecordedPart | None) -> Iterator[Problem]:
     if part.passed is None:
         partial, code = story.row.stage == Stage.PARTIAL, "debrief.not_judged"
         code = "debrief.no_length" if part.is_good is None else code
+        code = "debrief.no_sections" if part.ront_um is None else code
         yield Problem(code="debrief.partial" if partial else code)
     if part.trace is None:
         yield Problem(code="debrief.no_trace")

@@ -382,7 +382,7 @@ def start(context: StationContext, _: Start) -> None:
         context.tell(armed=None)
         raise SessionError(Problem(code="session.not_armed"))
     context.started = armed
-    context.tell(armed=None, cut=None, cut_done=False, measured=None)
+    context.tell(armed=None, cut=None, cut_done=False, measured=None, form=None)
     watched = _CutPublisher(context, armed)
     context.seen = watched.publish
     before = context.state.cut_to

@@ -99,7 +99,9 @@ def confirm_clamping(context: StationContext, command: commands.ConfirmClamping)
     if context.shop is not None:
         context.shop.mount(command.job)
     alignment = clamp_blank(context.state.alignment, command.job, context.local_time())
-    context.tell(alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None)
+    context.tell(
+        alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None, form=None
+    )
     context.tell(indicated=None)
 
 

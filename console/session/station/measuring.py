@@ -12,8 +12,16 @@ from console.session.cut.alignment import unclamp_blank
 from console.session.cut.recording import form_event, part_record
 from console.session.cut.run import measured_whole, roundness_of
 from console.session.data.learned_store import asked_for
-from console.session.data.measured_part import SECTION, SECTION_Z, CutPart, RecordedPart, newest_part
+from console.session.data.measured_part import (
+    CYLINDRICITY_LIMIT,
+    SECTION,
+    SECTION_Z,
+    CutPart,
+    RecordedPart,
+    newest_part,
+)
 from console.session.data.records import add_to_run
+from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file, refuse_unready
@@ -24,12 +32,13 @@ from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, TakeTrace
 from console.session.station.context import StationContext
 from console.session.station.readings import refuse_far
-from console.session.station.state import ArmedCut, MeasuredPart
+from console.session.station.state import ArmedCut, MeasuredForm, MeasuredPart
 from drivers.cutting.strategy import Strategy
 from profiles.files import printable
 from profiles.job import Job
 from profiles.lobe.cut_error import middle_mm
-from profiles.metrology.cylindricity import part_section
+from profiles.metrology.cylindricity import LEAST_SQUARES, part_section
+from profiles.metrology.turns import mean_diameter_mm
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob
 from profiles.trace_files.header import header_of
@@ -94,19 +103,75 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     run_id = context.record.run_id if cut.run_id is None and context.record is not None else cut.run_id
     found = of_this_part(found, context.records, run_id)
     refuse_unready(found)
+    if found.is_points:
+        _take_form(context, command, cut, job, found)
+        return
     part = _judge_part(context, cut, loaded, found, (found.name, found.sha256))
     measured = {**_event(part), **_file_event(found), **command.answers}
     asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(job), SECTION: found.place}
     kept = _part_to_record(part, found.trace, (found.name, found.content), asked)
-    if cut.run_id is not None:
-        add_to_run(context.records, cut.run_id, "measured", measured, kept)
-    elif context.record is not None:
-        part = replace(part, run_id=context.record.run_id)
-        context.record.add("measured", measured, kept)
-        context.end_record()
+    part = replace(part, run_id=_keep_measured(context, cut, measured, kept))
     if in_chuck:
         context.tell(cut_done=False, alignment=unclamp_blank(context.state.alignment, context.local_time()))
     _publish(context, part)
+
+
+def _take_form(context: StationContext, command: TakeTrace, cut: CutPart, job: Job, found: EvaluatedPart) -> None:
+    """Judge a part by points that are no sections, and keep them in its record."""
+    whole, header = found.whole, found.header
+    assert whole is not None
+    sized = header.radius_mm if header.size != "relative" else None
+    mean_um = whole.cylinder(LEAST_SQUARES).deviation_um
+    *notes, no_sections = found.warnings
+    form = MeasuredForm(
+        job=job,
+        made=cut.made,
+        whole=whole,
+        meta=found.trace.meta,
+        no_sections=no_sections,
+        notes=tuple(notes),
+        diameter_mm=None if sized is None else mean_diameter_mm(sized, mean_um),
+        run_id=cut.run_id,
+        proven=cut.proven,
+    )
+    told = {"job": job.name, "strategy": cut.made.strategy, "ront_um": None, "diameter_mm": form.diameter_mm}
+    kept = RecordedPart(
+        ront_um=None,
+        tolerance_um=job.roundness_tolerance_um,
+        passed=form.passes,
+        diameter_mm=form.diameter_mm,
+        nominal_diameter_mm=job.finished_diameter_mm,
+        diameter_tolerance_um=job.diameter_tolerance_um,
+        trace=found.content,
+        trace_name=found.name,
+        data={
+            CYLINDRICITY_LIMIT: job.cylindricity_tolerance_um,
+            "state": header.state,
+            "answers": dict(command.answers),
+            "learning": problem_events((no_sections,)),
+            "points": whole.count,
+            **whole.event(),
+        },
+    )
+    _keep_measured(context, cut, {**told, **_file_event(found), **command.answers}, kept)
+    if context.state.cut_done:
+        context.tell(cut_done=False, alignment=unclamp_blank(context.state.alignment, context.local_time()))
+    context.tell(measured=None, form=form, armed=None)
+
+
+def _keep_measured(
+    context: StationContext, cut: CutPart, event: Mapping[str, object], kept: RecordedPart
+) -> str | None:
+    """Add a measurement to the run of its part, and return its id; the run of the part in the chuck ends."""
+    if cut.run_id is not None:
+        add_to_run(context.records, cut.run_id, "measured", event, kept)
+        return cut.run_id
+    if context.record is None:
+        return None
+    context.record.add("measured", event, kept)
+    run_id = context.record.run_id
+    context.end_record()
+    return run_id
 
 
 def _cut_of(context: StationContext, command: TakeTrace) -> tuple[CutPart, Job, LoadedJob | None]:
@@ -202,7 +267,7 @@ def correct_touch_off(context: StationContext, _: CorrectTouchOff) -> None:
 
 
 def _publish(context: StationContext, part: MeasuredPart) -> None:
-    context.tell(measured=part, armed=None)
+    context.tell(measured=part, form=None, armed=None)
     if not part.strategy.traits.follows_lobe:
         context.tell(uncompensated=part)
 

@@ -5,6 +5,7 @@ Imports are light: the first page is painted from it before numerics and the lin
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -14,7 +15,7 @@ from console.session.station.alarms import Alarms
 from drivers.cutting.bounds import UNCHANGEABLE, Bounds
 from drivers.lathe.console_role import NOBODY, ConsoleRole, Signature
 from drivers.lathe.snapshot import Snapshot
-from profiles.metrology.conformity import JudgedFigure, ToleranceKind, figure_of, judge_part
+from profiles.metrology.conformity import JudgedFigure, ToleranceKind, figure_of, judge_part, passes_all
 from profiles.problem import Problem
 from profiles.trace_files.header import DIAMETER_STATED, size_doubt
 
@@ -170,14 +171,11 @@ class MeasuredPart:
     @property
     def judged(self) -> tuple[JudgedFigure, ...]:
         """Its figures against the limits of its job; no diameter where one was stated as the radius."""
-        doubt, diameter_mm, off_um = self.size_doubt, self.diameter_mm, None
-        if diameter_mm is not None and (doubt is None or doubt.code != DIAMETER_STATED):
-            off_um = 1000.0 * (diameter_mm - self.job.finished_diameter_mm)
         return judge_part(
             self.job.tolerances,
             ront_um=self.result.ront_um,
             mean_um=self.result.mean_deviation_um,
-            off_um=off_um,
+            off_um=_off_um(self.diameter_mm, self.size_doubt, self.job),
             z_mm=self.section_z_mm,
             sections=() if self.whole is None else self.whole.sections,
             cylt_um=None if self.whole is None else self.whole.cylt_um,
@@ -195,6 +193,55 @@ class MeasuredPart:
         return self.learning is not None and self.learning.made.stage == "partial"
 
 
+def _off_um(diameter_mm: float | None, doubt: Problem | None, job: Job) -> float | None:
+    """Return the oversize of a mean diameter; None without one, and where it was stated as the radius."""
+    if diameter_mm is None or (doubt is not None and doubt.code == DIAMETER_STATED):
+        return None
+    return 1000.0 * (diameter_mm - job.finished_diameter_mm)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredForm:
+    """A part measured in points that are no sections (a helix, a bird-cage): the `whole` is known, no roundness.
+
+    `no_sections` says so: nothing is learned of it. `meta` are the header lines, `notes` what is doubtful.
+    `diameter_mm` is that of the least squares cylinder, None if the points do not have the size.
+    """
+
+    job: Job
+    made: MadeWith
+    whole: CylinderResult
+    meta: Mapping[str, str]
+    no_sections: Problem
+    notes: tuple[Problem, ...] = ()
+    diameter_mm: float | None = None
+    run_id: str | None = None
+    proven: bool = True
+
+    @property
+    def judged(self) -> tuple[JudgedFigure, ...]:
+        """Its figures against the limits of its job."""
+        doubt = None if self.diameter_mm is None else size_doubt(self.diameter_mm / 2.0, self.job)
+        return judge_part(
+            self.job.tolerances,
+            ront_um=None,
+            mean_um=0.0,
+            off_um=_off_um(self.diameter_mm, doubt, self.job),
+            taper_um=self.whole.taper_um,
+            cylt_um=self.whole.cylt_um,
+        )
+
+    @property
+    def is_half(self) -> bool:
+        """Whether it was cut with half of its compensation: it was not meant to be round."""
+        return self.made.stage == "partial"
+
+    @property
+    def passes(self) -> bool | None:
+        """Whether its figures pass; None of a half or not proven cut, and if nothing fails: RONt is not known."""
+        return None if self.is_half or not self.proven else passes_all(self.judged)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchedBlank:
     """Upper bound of how far the clamped blank is cut: to Z `to_mm` behind its face, by a cut of `of_mm`."""
@@ -207,7 +254,8 @@ class TouchedBlank:
 class StationState:
     """One moment. `at_s` is machine time.
 
-    `cut_done` means that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
+    `cut_done` means that the clamped part has been cut to its end. `form` is in the place of `measured` where the
+    last part was measured in points that are no sections. `uncompensated` is the last part, of whatever
     job, that was cut without compensation and measured. `refusals` answer the last command, and end with the
     next. `loading_until_s` is about when the program will have been loaded, machine time; None while none is.
     `spindle_rpm` is None until enough was sampled. `stops` counts those that were settled. `marks_mm` is where
@@ -262,6 +310,7 @@ class StationState:
     marks_mm: tuple[float, ...] = ()
     uncommissioned: tuple[Problem, ...] = ()
     measured: MeasuredPart | None = None
+    form: MeasuredForm | None = None
     uncompensated: MeasuredPart | None = None
     tool_loop: ToolLoop | None = None
     tested: str = ""

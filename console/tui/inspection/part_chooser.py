@@ -9,6 +9,7 @@ from console.session.data.measured_part import RecordedPart
 from console.session.data.run_reader import measured_parts, story
 from console.session.learning.evaluated_part import EvaluatedPart, evaluate_part
 from console.session.station.state import MeasuredPart
+from console.text.along_length import ront_words
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
 from console.tui.keymap import RowKey
@@ -145,9 +146,7 @@ class PartChooser(Sheet):
         for place, point in enumerate(found, start=1):
             name = f"{local(point.at)}  {printable(point_words(point, text), 40)}  {printable(point.part, 12)}"
             mark = {True: "✓", False: "✗", None: "·"}[None if point.tolerance_um is None else point.is_round]
-            rows.append(
-                self._row(place, line(name), line(f" {text.units.show(point.ront_um, 'um', 2)} {mark}"), width)
-            )
+            rows.append(self._row(place, line(name), line(f" {ront_words(point.ront_um, text)} {mark}"), width))
         return rows
 
     def _row(self, place: int, left: Line, right: Line, width: int) -> Line:

@@ -32,6 +32,7 @@ from console.tui.inspection.part_chooser import OPEN_KEYS, PartChooser
 from console.tui.keymap import PageName, RowKey, row_keys
 from console.tui.lines import BLANK, Line, Sheet, clip_lines, hanging, line, wrap_line
 from console.tui.page import ChartPage
+from console.tui.pages.inspect_lines import form_lines
 from console.tui.pages.learn_lines import certified_lines, force_lines, head_lines, learn_lines, learn_title
 from console.tui.pages.learning_keys import accept_part, revert_version
 from console.tui.pages.stop_lines import mark_lines
@@ -159,7 +160,7 @@ class InspectPage(ChartPage):
 
     def news(self, view: View) -> tuple[object, ...]:
         """Return the job, the measured parts and the blank."""
-        state, parts = view.state, (id(view.state.measured), id(view.state.uncompensated))
+        state, parts = view.state, (id(view.state.measured), id(view.state.uncompensated), id(view.state.form))
         return id(view.work), parts, state.cut_done, state.simulated, state.marks_mm, self._asks
 
     def act(self, action: str) -> None:
@@ -453,6 +454,8 @@ class InspectPage(ChartPage):
 
     def _message_lines(self, state: StationState, width: int) -> list[Line]:
         text = self.ui.text
+        if state.form is not None:
+            return form_lines(state.form, text, width)
         lines = wrap_line(text("inspect_page.nothing"), width)
         what = "how_measure" if state.cut_done else "how_cut"
         how = wrap_line(text(f"inspect_page.{what}{'' if state.simulated else '_outside'}"), width)

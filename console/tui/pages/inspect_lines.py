@@ -8,9 +8,9 @@ from rich.cells import cell_len
 
 from console.session.data.measured_part import RecordedPart
 from console.session.data.run_rows import MODEL
-from console.session.station.state import MeasuredPart
+from console.session.station.state import MeasuredForm, MeasuredPart
 from console.text.catalogue import Catalogue
-from console.text.part_sentences import section_words
+from console.text.part_sentences import extraction_words, section_words
 from console.text.recorded_words import local
 from console.tui.inspection.comparison import PartComparison, Side
 from console.tui.lines import (
@@ -39,6 +39,7 @@ FRONT_MULTIPLES = 3  # multiples of the number of jaws that are listed before th
 LEAST_PHASED_UM_PP = 0.1  # amplitude below which the phase of a lobe is not shown
 _COLUMN = 9
 _CHOSEN = " ▸"
+_FORM_WIDTH = 60
 
 
 def name_evaluation(result: RoundnessResult, text: Catalogue, circle: str | None = None) -> str:
@@ -291,6 +292,27 @@ def judged_line(figure: JudgedFigure, nominal_mm: float, text: Catalogue, width:
         facts["limit"] = text.units.format_short(figure.limit_um, "um")
         words = text(f"inspect_page.{what}{word}_brief", z=z, **facts)
     return line((mark + fit_text(words, room), token))
+
+
+def form_lines(form: MeasuredForm, text: Catalogue, width: int) -> list[Line]:
+    """Return the verdict on a part measured in points that are no sections, and what is known of its form."""
+    whole, unit, nominal_mm = form.whole, text.units, form.job.finished_diameter_mm
+    rows = [judged_line(each, nominal_mm, text, width) for each in form.judged]
+    if form.is_half or not form.proven:
+        word = "cut_verdict.not_proven" if not form.proven else "inspect_page.half"
+        rows = [line((f"? {fit_text(text(word), max(width - 2, 0))}", Token.WARNING))]
+    figures = [(f"CYLt {each.kind}", each.cylt_um) for each in whole.cylinders]
+    figures += [(text("roundness.taper_um"), whole.taper_um)]
+    straight_um = whole.generatrix_straightness_um
+    figures += [] if straight_um is None else [(text("roundness.generatrix_straightness_um"), straight_um)]
+    room = min(width, _FORM_WIDTH)
+    rows += [BLANK, *(justify_line(line(dim(name)), line(unit.show(um, "um", 2)), room) for name, um in figures)]
+    rows.append(BLANK)
+    for words in extraction_words(whole, form.meta, text):
+        rows += wrap_line(words, width, Token.DIM)
+    for problem in (form.no_sections, *form.notes):
+        rows += hanging(("! ", Token.WARNING), text.problem(problem), width, Token.WARNING)
+    return rows
 
 
 def roundness_facts(ront_um: float, limit_um: float | None, text: Catalogue) -> dict[str, str]:

@@ -14,6 +14,7 @@ from textual.widget import Widget
 from console.session.learning.evaluated_part import EvaluatedPart
 from console.session.learning.job_chart import ChartedQuantity, JobChart, NoClaim
 from console.session.learning.opened_run import OpenedRun
+from console.text.along_length import ront_words
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local, part_words
 from console.tui.lines import (
@@ -124,7 +125,7 @@ def pair_caption(pair: OpenedRuns, um_per_division: float, text: Catalogue, widt
     rows = []
     for run, key in zip(pair.runs, (BEFORE_KEY, AFTER_KEY), strict=True):
         part = run.story.product
-        ront = NOTHING if part is None else text.units.show(part.ront_um, "um", 2)
+        ront = ront_words(None if part is None else part.ront_um, text)
         token = Token.BEFORE if run is pair.runs[0] else Token.AFTER
         rows.append(
             justify_line(line((key, token), f" {local(run.story.row.started)}"), line((f" {ront}", token)), width)
@@ -159,7 +160,8 @@ def _values(run: OpenedRun, text: Catalogue) -> dict[str, str]:
     row, part, job, units = run.story.row, run.story.product, run.job, text.units
     values = {units.unit("um"): local(row.started)[5:], text("fact.job"): printable(row.job)}
     if part is not None:
-        values["RONt"] = f"{units.figure(part.ront_um, 'um', 2)} {_MARKS[part.passed]}"
+        ront = NOTHING if part.ront_um is None else units.figure(part.ront_um, "um", 2)
+        values["RONt"] = f"{ront} {_MARKS[part.passed]}"
         for name in ("RONp", "RONv", "RONq"):
             values[name] = _format_number(part.data.get(f"{name}_um"), lambda value: units.figure(value, "um", 2))
         if part.diameter_mm is not None:
@@ -530,9 +532,7 @@ def trace_caption(run: OpenedRun, um_per_division: float, text: Catalogue, width
         key, token = (AFTER_KEY, Token.AFTER) if part.product else (BEFORE_KEY, Token.BEFORE)
         name = f" {printable(part.part, 20) or text('records_page.trace')}"
         rows.append(
-            justify_line(
-                line((key, token), name), line((f" {text.units.show(part.ront_um, 'um', 2)}", token)), width
-            )
+            justify_line(line((key, token), name), line((f" {ront_words(part.ront_um, text)}", token)), width)
         )
     trace = run.evaluated(run.product)
     jaw_1_deg = number_or_none(run.story.setup.get("jaw_1_deg")) if trace is None else trace.jaw_1_deg

@@ -6,7 +6,7 @@ from console.session.data.measured_part import RecordedPart
 from console.session.data.run_facts import FactKind, origin_facts, setup_facts
 from console.session.data.run_rows import RunOutcome, RunRow, recorded_problems
 from console.session.learning.opened_run import JobNow, OpenedRun
-from console.text.along_length import form_words, section_rows, stretch_words
+from console.text.along_length import form_words, ront_words, section_rows, stretch_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from console.text.part_sentences import verdict_words
@@ -72,7 +72,7 @@ def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 def _verdict(part: RecordedPart, text: Catalogue, width: int) -> list[Line]:
     """Return RONt of a part against its tolerance, and its diameter if that has one, as they were judged."""
     judged, nominal_mm = part.judged, part.nominal_diameter_mm or 0.0
-    if part.passed is None:
+    if part.ront_um is not None and part.passed is None:
         facts = roundness_facts(part.ront_um, part.tolerance_um, text)
         judged = tuple(each for each in judged if each.passes is None)
         rows = [line((text("records_page.not_judged", **facts), Token.TEXT))]
@@ -115,7 +115,7 @@ def _figure_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     rows = [_fact(name, value, width) for name, value in figures(part, run, text)]
     for other in run.story.parts:
         if not other.product:
-            rows.append(_fact(f"RONt {printable(other.part, 10)}", text.units.show(other.ront_um, "um", 2), width))
+            rows.append(_fact(f"RONt {printable(other.part, 10)}", ront_words(other.ront_um, text), width))
     rows += wrap_line(form_words(part.data, text), width)
     rows += [line(each) for each in table(section_rows(part.data, text), numeric=(0, 1, 2))]
     if part.trace_name:
@@ -125,7 +125,7 @@ def _figure_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 
 def figures(part: RecordedPart, run: OpenedRun, text: Catalogue) -> list[tuple[str, str]]:
     """Return the figures of a part with their names, as they were evaluated."""
-    rows = [("RONt", text.units.show(part.ront_um, "um", 2))]
+    rows = [("RONt", ront_words(part.ront_um, text))]
     for name in ("RONp", "RONv", "RONq"):
         value = number_or_none(part.data.get(f"{name}_um"))
         if value is not None:

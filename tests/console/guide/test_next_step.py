@@ -10,10 +10,12 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from console.session.cut.alignment import ENDED_EARLY, Alignment
 from console.session.cut.compensated_cut import using
+from console.session.data.measured_part import MadeWith
 from console.session.force_record import ForceCheck
 from console.session.guide.refusals import AGAINST, find_refusals
 from console.session.guide.rows import ALIGN, INSPECT, RUN, Row, next_step, row_of
@@ -22,7 +24,14 @@ from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.part_learning import PartLearning, accept
 from console.session.station.commands import Approach, Arm, Command, ConfirmClamping, Jog, NoteJog, TakeTouchOff
 from console.session.station.progress import CutStage
-from console.session.station.state import Activity, MeasuredPart, StationState, StopState, TouchedBlank
+from console.session.station.state import (
+    Activity,
+    MeasuredForm,
+    MeasuredPart,
+    StationState,
+    StopState,
+    TouchedBlank,
+)
 from console.session.work import Work, open_work
 from console.text.catalogue import load
 from console.tui.keymap import ACTIONS
@@ -31,9 +40,12 @@ from drivers.cutting.planning import Strategy
 from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.workshop_view import CollisionKind, WorkshopView
+from profiles.arrays import floats
 from profiles.compensations.causes import Cause, CauseKind
+from profiles.metrology.cylindricity import evaluate_points
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
+from profiles.trace_files.sections import SurfacePoints, no_sections
 from tests.console.floor import Floor, known, open_floor
 from tests.system.lathe_sites import compact_text
 from tests.tui import align_stage, run_stage, scenes
@@ -204,7 +216,29 @@ def after_the_cut() -> Iterator[Situation]:
             yield situation(run_stage.state(UNCLAMPED, measured=part, force=force, **changes), work)
 
 
+def after_points() -> Iterator[Situation]:
+    """A part that was measured by a helix, within its cylindricity or not."""
+    angle = np.arange(0.0, 3600.0, 10.0)
+    helix = SurfacePoints(
+        strategy="helix",
+        angle_deg=floats(angle % 360.0),
+        z_mm=floats(22.0 + angle / 450.0),
+        deviation_um=floats(np.cos(np.radians(3.0 * angle))),
+        meta={},
+    )
+    for limit_um in (1.0, 5.0):
+        form = MeasuredForm(
+            job=replace(experiment().job, cylindricity_tolerance_um=limit_um),
+            made=MadeWith(compensation="none", strategy="cam", stage="full", inverted="model"),
+            whole=evaluate_points(helix),
+            meta=helix.meta,
+            no_sections=no_sections(helix, ""),
+        )
+        yield situation(run_stage.state(UNCLAMPED, form=form, cut_done=False), experiment())
+
+
 def all_situations() -> Iterator[Situation]:
+    yield from after_points()
     yield from before_the_cut()
     yield from around_the_cut()
     yield from after_the_cut()
