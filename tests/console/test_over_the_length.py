@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 from datetime import UTC
 from pathlib import Path
@@ -9,12 +10,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.cells import cell_len
 
 from console.report.verdict import Judgement, judge_run
-from console.session.data.run_reader import measured_parts, story
+from console.session.data.run_reader import RunFilters, measured_parts, runs, story
 from console.session.learning.opened_run import OpenedRun, open_for_report
 from console.text.catalogue import load
 from console.tui.lines import plain_text
+from console.tui.records.list_lines import RunList, run_lines
+from console.tui.records.reading import ListQuery, RunListing
 from console.tui.records.run_lines import verdict_lines
 from profiles.metrology.cylindricity import CylinderResult, PartSection, evaluate_cylinder
 from profiles.store import load_job, save_job
@@ -86,6 +90,27 @@ def test_records_say_what_a_part_fails_by_and_why(console: Console, tmp_path: Pa
     told = " ".join(console("records", "debrief", run[:8], *data).out.split())
     assert "RONt 13.00 um at Z 22.0 mm, allowed 5: 8.00 um too much." in told
     assert "3/rev changes along Z: +12.0 um p-p at Z 22.0, -12.0 um p-p at Z 30.0 mm" in told
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_lists_and_the_table_of_runs_have_the_form_and_the_worst_section(
+    console: Console, tmp_path: Path, language: str
+) -> None:
+    recorded(tmp_path, {"": lobed(0.5)}, whole=growing(12.0))
+    data, text = ("--data", str(tmp_path)), load(language)
+    listed = " ".join(console("--lang", language, "records", "list", *data).out.split())
+    assert "CYLt 13.00 um" in listed and "RONt 13.00 um" in listed and "Z 22.0" in listed
+    assert console("records", "export", str(tmp_path / "out"), *data).code == 0
+    with open(tmp_path / "out" / "runs.csv", encoding="utf-8", newline="") as file:
+        (row,) = csv.DictReader(file)
+    figures = [float(row[name]) for name in ("CYLt_um", "worst_RONt_um", "worst_z_mm")]
+    assert figures == pytest.approx([13.0, 13.0, 22.0], abs=0.01)
+    shown = RunList(
+        listing=RunListing(wanted=ListQuery(filters=RunFilters()), rows=runs(tmp_path), more=False), selected=-1
+    )
+    rows = plain_text(run_lines(shown, text, 78, 5, everywhere=False)).splitlines()
+    assert rows[1].count("13.00") == 2 and "CYLt" in rows[0]
+    assert all(cell_len(each) <= 78 and "…" not in each for each in rows)
 
 
 def sections_file(folder: Path, whole_um: float, heights: tuple[float, ...] = HEIGHTS_MM) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from console.session.data.history import last_results
 from console.session.data.run_reader import runs, story
 from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file
 from profiles.arrays import Floats, floats
@@ -205,6 +206,8 @@ def test_a_helix_judges_the_form_of_its_part_in_the_record_the_report_and_the_co
         path.read_bytes(),
         path.name,
     )
+    last = last_results(outside.data, simulated=False)[job.name]
+    assert last.ront_um is None and last.cylt_um == pytest.approx(4.0, abs=0.01)
     data = ("--data", str(outside.data))
     shown = console("records", "show", run.run_id, *data).out
     assert "CYLt 4.00 um" in shown and "RONt not" in shown and "helix, 3600 points" in shown

@@ -18,7 +18,7 @@ from console.session.data.run_story import POLLED, RecordedTelemetry, RunEvent, 
 from console.text.along_length import form_words, section_rows, stretch_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table, wrap_text
-from console.text.part_sentences import at_height, verdict_words
+from console.text.part_sentences import at_height, place_words, verdict_words
 from console.text.recorded_words import (
     Layout,
     ending_words,
@@ -82,11 +82,11 @@ def row_lines(row: RunRow, text: Catalogue, lathe: str = "") -> list[str]:
     sim = [text("sim")] if row.simulated else []
     head = "  ".join([row.run_id[:ID_DIGITS], local(row.started), *sim, row.job])
     ended = ending_words(row.ended, text, Layout.COMMAND)
-    facts = [_result(row, text), ended, row.machine, strategy_words(row.strategy, text)]
+    facts = [_result(row, text), _over_length(row, text), ended, row.machine, strategy_words(row.strategy, text)]
     stage = stage_words(row.strategy, row.stage, text)
     facts += [each for each in (stage, _compensation(row, text), row.operator or "") if each]
     if lathe:
-        facts.insert(2, text("records.of_lathe", name=lathe))
+        facts.insert(3, text("records.of_lathe", name=lathe))
     if row.damaged:
         facts.append(text("records.damaged_row"))
     below = wrap_text(" · ".join(filter(None, facts)), WIDTH - INDENT)
@@ -95,7 +95,7 @@ def row_lines(row: RunRow, text: Catalogue, lathe: str = "") -> list[str]:
 
 def _result(row: RunRow, text: Catalogue) -> str:
     if row.ront_um is None:
-        return text("records.not_measured")
+        return text("records.not_measured") if row.cylt_um is None else text("records.no_roundness")
     result = f"RONt {row.ront_um:.2f} um"
     if row.tolerance_um is None:
         return result
@@ -103,6 +103,16 @@ def _result(row: RunRow, text: Catalogue) -> str:
     failed = "records.failed" if row.ront_um > row.tolerance_um else "records.failed_elsewhere"
     verdict = {True: "records.passed", False: failed, None: unjudged}[row.passed]
     return text(verdict, result=result, limit=f"{row.tolerance_um:g}")
+
+
+def _over_length(row: RunRow, text: Catalogue) -> str:
+    """Return CYLt of a part, and RONt of its least round section; "" if it was not measured over its length."""
+    if row.cylt_um is None:
+        return ""
+    cylt = f"CYLt {row.cylt_um:.2f} um"
+    if row.worst_ront_um is None:
+        return cylt
+    return text("records.worst", cylt=cylt, ront=f"{row.worst_ront_um:.2f}", at=place_words(row.worst_z_mm, text))
 
 
 def _compensation(row: RunRow, text: Catalogue) -> str:
@@ -121,6 +131,9 @@ def row_fields(row: RunRow) -> dict[str, object]:
         "inverted": row.inverted,
         "ended": asdict(row.ended),
         **fields_of(row, *FIGURES, "failed", "proven", "damaged"),
+        "CYLt_um": row.cylt_um,
+        "worst_RONt_um": row.worst_ront_um,
+        "worst_z_mm": row.worst_z_mm,
     }
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from console.session.data.run_rows import form_of
 from profiles.problem import ProblemError
 from profiles.strict_values import from_json, number, text
 
@@ -24,16 +25,19 @@ WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.rowid
 class LastResult:
     """The last measured part of a job.
 
-    `ront_um` is RONt of the least squares circle, free state, filtered as in `console.session.cut.run`.
+    `ront_um` is RONt of the least squares circle, free state, filtered as in `console.session.cut.run`, of the
+    least round section, at `z_mm` where there are several; None if no section was measured. `cylt_um` is its CYLt.
     `strategy` is how it was cut ("none": without compensation), `parts` how many were measured in all.
     `recent` has time, `ront_um` and strategy of the latest parts, oldest first; this one is the last.
     """
 
-    ront_um: float
+    ront_um: float | None
     measured_at: datetime
     strategy: str
     parts: int
-    recent: tuple[tuple[datetime, float, str], ...] = ()
+    recent: tuple[tuple[datetime, float | None, str], ...] = ()
+    cylt_um: float | None = None
+    z_mm: float | None = None
 
 
 LastResults = Mapping[str, LastResult]
@@ -58,7 +62,10 @@ def last_results(folder: Path, *, simulated: bool) -> LastResults:
     for data, at_utc in measured:
         try:
             event = from_json(data)
-            job, ront_um = text(event["job"]), number(event["ront_um"])
+            job, form = text(event["job"]), form_of(event)
+            ront_um = form["worst_ront_um"]
+            if ront_um is None and event["ront_um"] is not None:
+                ront_um = number(event["ront_um"])
             strategy = text(event.get("strategy", ""))
             measured_at = datetime.fromisoformat(at_utc).astimezone(UTC)
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
@@ -71,5 +78,7 @@ def last_results(folder: Path, *, simulated: bool) -> LastResults:
             strategy=strategy,
             parts=parts + 1,
             recent=(*recent[1 - RECENT :], (measured_at, ront_um, strategy)),
+            cylt_um=form["cylt_um"],
+            z_mm=form["worst_z_mm"],
         )
     return results

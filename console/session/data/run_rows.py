@@ -53,9 +53,11 @@ class RunRow:
     `started` is UTC, `compensation` the learned version or "none", `inverted` the name of the identified response
     that a cut with nothing learned has inverted, None for the model's. `ront_um` is RONt of the product (not of a
     part cut for comparison), least squares circle, as filtered in `console.session.cut.run`; None where it was not
-    measured. `passed` is None of a part that was not meant to be good. `diameter_mm` is its mean diameter, that
-    may be off by `diameter_tolerance_um` either way, None where that is not judged. Of a cut that is not `proven`
-    the polls do not tell whether the tool kept to its plan. `damaged` says that some of its data cannot be read.
+    measured. `cylt_um` is its cylindricity, `worst_ront_um` RONt of its least round section, at `worst_z_mm`; None
+    where it was not measured so. `passed` is None of a part that was not meant to be good. `diameter_mm` is its
+    mean diameter, that may be off by `diameter_tolerance_um` either way, None where that is not judged. Of a cut
+    that is not `proven` the polls do not tell whether the tool kept to its plan. `damaged` says that some of its
+    data cannot be read.
     """
 
     run_id: str
@@ -70,6 +72,9 @@ class RunRow:
     inverted: str | None = None
     ended: RunEnding = RunEnding(how=RunOutcome.OPEN)
     ront_um: float | None = None
+    cylt_um: float | None = None
+    worst_ront_um: float | None = None
+    worst_z_mm: float | None = None
     tolerance_um: float | None = None
     diameter_mm: float | None = None
     nominal_diameter_mm: float | None = None
@@ -77,6 +82,11 @@ class RunRow:
     passed: bool | None = None
     proven: bool = True
     damaged: bool = False
+
+    @property
+    def least_round_um(self) -> float | None:
+        """RONt of the section that is least round, or of the only one; None where it is not known."""
+        return self.ront_um if self.worst_ront_um is None else self.worst_ront_um
 
     @property
     def failed(self) -> bool:
@@ -157,14 +167,31 @@ def _ends(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, lis
 _FIGURES = ("ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm", "diameter_tolerance_um")
 
 
+_FORM = """CASE WHEN json_valid(data) THEN json_object(
+    'CYLt_um', json_extract(data, '$.CYLt_um'), 'sections', json_extract(data, '$.sections')) END"""
+
+
 def _parts(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return the newest measurement of each run's product: its figures by their names."""
     query = (
-        f"SELECT run_id, {', '.join(_FIGURES)} FROM measurements"
+        f"SELECT run_id, {_FORM}, {', '.join(_FIGURES)} FROM measurements"
         f" WHERE product = 1 AND run_id IN ({_marks(run_ids)}) ORDER BY run_id, number"
     )
     found = database.execute(query, tuple(run_ids))
-    return {run_id: dict(zip(_FIGURES, part, strict=True)) for run_id, *part in found}
+    return {
+        run_id: {**dict(zip(_FIGURES, part, strict=True)), **form_of(table_of(form or ""))}
+        for run_id, form, *part in found
+    }
+
+
+def form_of(form: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return CYLt and the least round section of a measured part as fields of `RunRow`; None: not kept."""
+    listed, known = form.get("sections"), list[tuple[float, float]]()
+    for each in listed if isinstance(listed, list) else ():
+        row = [number_or_none(each.get(key)) for key in ("RONt_um", "z_mm")] if isinstance(each, dict) else [None]
+        known += [(row[0], row[1])] if row[0] is not None and row[1] is not None else []
+    ront_um, z_mm = max(known, default=(None, None))
+    return {"cylt_um": number_or_none(form.get("CYLt_um")), "worst_ront_um": ront_um, "worst_z_mm": z_mm}
 
 
 def _marks(values: Iterable[object]) -> str:

@@ -37,7 +37,7 @@ from drivers.cutting.strategy import Strategy
 from profiles.files import printable
 from profiles.job import Job
 from profiles.lobe.cut_error import middle_mm
-from profiles.metrology.cylindricity import LEAST_SQUARES, part_section
+from profiles.metrology.cylindricity import LEAST_SQUARES, CylinderResult, part_section
 from profiles.metrology.turns import mean_diameter_mm
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob
@@ -134,7 +134,13 @@ def _take_form(context: StationContext, command: TakeTrace, cut: CutPart, job: J
         run_id=cut.run_id,
         proven=cut.proven,
     )
-    told = {"job": job.name, "strategy": cut.made.strategy, "ront_um": None, "diameter_mm": form.diameter_mm}
+    told = {
+        "job": job.name,
+        "strategy": cut.made.strategy,
+        "ront_um": None,
+        "diameter_mm": form.diameter_mm,
+        **_form_figures(whole),
+    }
     kept = RecordedPart(
         ront_um=None,
         tolerance_um=job.roundness_tolerance_um,
@@ -279,7 +285,13 @@ def _event(part: MeasuredPart) -> dict[str, object]:
         "strategy": part.strategy.value,
         "ront_um": part.result.ront_um,
         "diameter_mm": part.diameter_mm,
+        **_form_figures(part.whole),
     }
+
+
+def _form_figures(whole: CylinderResult | None) -> dict[str, object]:
+    """Return CYLt and the sections of a part, as the list of the jobs needs them; nothing of a single one."""
+    return {} if whole is None else {key: whole.event()[key] for key in ("CYLt_um", "sections")}
 
 
 def _part_to_record(

@@ -10,8 +10,10 @@ from pathlib import Path
 from rich.cells import cell_len
 
 from console.session.data.history import LastResult, LastResults
+from console.text.along_length import ront_words
 from console.text.catalogue import Catalogue
 from console.text.lobe import lobe_number
+from console.text.part_sentences import place_words
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, fit_text, hanging, line, name_among, wrap_line
 from console.tui.pages.fields import provenance
 from console.tui.theme import Token
@@ -117,7 +119,7 @@ def _part_lines(last: LastResult, text: Catalogue, width: int) -> list[Line]:
         *(
             _fact(
                 at.astimezone().strftime("%Y-%m-%d %H:%M"),
-                f"{strategy}  {text.units.figure(ront_um, 'um', 2):>8} {text.units.unit('um')}",
+                f"{strategy}  {_ront(ront_um, text.units, 2):>8} {text.units.unit('um')}",
                 width,
             )
             for at, ront_um, strategy in reversed(last.recent)
@@ -174,7 +176,11 @@ def _value(column: str, job: Job, last: LastResult | None, units: Units) -> str:
         case "measured":
             return NOTHING if last is None else _day(last.measured_at)
         case _:
-            return NOTHING if last is None else units.figure(last.ront_um, "um", 1)
+            return NOTHING if last is None else _ront(last.ront_um, units, 1)
+
+
+def _ront(ront_um: float | None, units: Units, digits: int) -> str:
+    return NOTHING if ront_um is None else units.figure(ront_um, "um", digits)
 
 
 def _day(at: datetime) -> str:
@@ -241,8 +247,11 @@ def _last_lines(last: LastResult | None, simulated: bool, text: Catalogue, width
     simulation = text("jobs_page.simulated") if simulated else ""
     uncompensated = text("jobs_page.without") if last.strategy == UNCOMPENSATED else ""
     notes = filter(None, (text("jobs_page.circle"), simulation, uncompensated))
+    at = place_words(last.z_mm, text)
+    cylt = [] if last.cylt_um is None else [_fact("CYLt", text.units.show(last.cylt_um, "um", 2), width)]
     return [
-        _fact(text("jobs_page.last_part"), text.units.show(last.ront_um, "um", 2), width),
+        _fact(text("jobs_page.last_part"), ront_words(last.ront_um, text) + at, width),
+        *cylt,
         *((dim(_align_right(note, width)),) for note in notes),
         _fact(text("jobs_page.parts", count=last.parts), _day(last.measured_at), width),
     ]

@@ -15,8 +15,8 @@ from console.units import Units
 from profiles.files import printable
 
 _SELECTED, _MARKED = "▸", "*"
-_NAME_LEAST = 24
-_TIME, _RONT, _HOW, _SIM = 17, 10, 15, 4
+_NAME_LEAST = 22
+_TIME, _CYLT, _RONT, _HOW, _SIM = 17, 8, 10, 13, 4
 _MORE = (("machine", 17), ("operator", 11), ("strategy", 10), ("version", 8), ("diameter", 11))
 """Columns that are shown where there is room for them, with the name of the job not shortened."""
 
@@ -37,11 +37,12 @@ class RunList:
 
 
 def format_verdict(row: RunRow, units: Units) -> Piece:
-    """Return RONt of a run with the mark of its verdict."""
-    if row.ront_um is None:
+    """Return RONt of the least round section of a run with the mark of its verdict."""
+    if row.least_round_um is None and row.cylt_um is None:
         return to_the_right(f"{NOTHING}  ", _RONT), Token.DIM
+    ront = NOTHING if row.least_round_um is None else units.figure(row.least_round_um, "um", 2)
     mark, token = {True: ("✓", Token.TEXT), False: ("✗", Token.WARNING), None: ("·", Token.DIM)}[row.passed]
-    return to_the_right(f"{units.figure(row.ront_um, 'um', 2)} {mark}", _RONT), token
+    return to_the_right(f"{ront} {mark}", _RONT), token
 
 
 def title_words(wanted: ListQuery, listing: RunListing | None, text: Catalogue, *, everywhere: bool) -> str:
@@ -64,9 +65,10 @@ def title_words(wanted: ListQuery, listing: RunListing | None, text: Catalogue, 
 def run_lines(runs: RunList, text: Catalogue, width: int, height: int, *, everywhere: bool) -> list[Line]:
     """Return the heading and the rows around the selected run; cost by what is shown."""
     columns = _columns(width, everywhere=everywhere)
-    name_width = max(width - 3 - _TIME - _RONT - _HOW - _SIM - sum(cells for _, cells in columns), 1)
+    name_width = max(width - 3 - _TIME - _CYLT - _RONT - _HOW - _SIM - sum(cells for _, cells in columns), 1)
     head = [fit_text(f"   {text('fact.time')}", 3 + _TIME), fit_text(text("fact.job"), name_width)]
     head += [
+        to_the_right("CYLt ", _CYLT),
         to_the_right(f"RONt {text.units.unit('um')}".ljust(9), _RONT + 1),
         fit_text(text("records_page.ended"), _HOW + _SIM - 1),
     ]
@@ -104,7 +106,7 @@ def nothing_lines(wanted: ListQuery, text: Catalogue, width: int) -> list[Line]:
 def _columns(width: int, *, everywhere: bool) -> list[tuple[str, int]]:
     """Return the further columns that fit; the machine is the first where those of all are listed."""
     columns: list[tuple[str, int]] = []
-    room = width - 3 - _TIME - _RONT - _HOW - _SIM - _NAME_LEAST
+    room = width - 3 - _TIME - _CYLT - _RONT - _HOW - _SIM - _NAME_LEAST
     for name, cells in _MORE:
         if (everywhere or name != "machine") and cells <= room:
             columns.append((name, cells))
@@ -126,8 +128,10 @@ def _row(runs: RunList, place: int, columns: Sequence[tuple[str, int]], name_wid
         if row.failed and row.passed is not False
         else Token.DIM
     )
+    cylt = NOTHING if row.cylt_um is None else text.units.figure(row.cylt_um, "um", 2)
     pieces: list[Piece] = [
         (f"{mark}{fit_text(local(row.started), _TIME)}{name}", Token.TEXT),
+        (to_the_right(cylt, _CYLT), Token.DIM),
         format_verdict(row, text.units),
         (
             " " + fit_text(text.first_sentence(f"records_page.how.{how}", f"records.how.{how}"), _HOW - 1),
