@@ -142,7 +142,10 @@ def sections_content(sections: Sequence[TraceSection]) -> bytes:
 
 
 def parse_surface(content: bytes, *, where: str = "") -> tuple[TraceSection, ...] | SurfacePoints:
-    """Return the sections in the bytes of a file, from the lowest height up, or its points if it has none."""
+    """Return the sections in the bytes of a file, from the lowest height up, or its points if it has none.
+
+    Raises `ProfileError`: as `parse_sections` does for what is no table of sections; `trace.height_unit`.
+    """
     if not any(each.begins(content) for each in OF_BYTES):
         text = decode_trace_text(content, where)
         if not any(each.begins(text) for each in OF_TEXT):
@@ -151,6 +154,9 @@ def parse_surface(content: bytes, *, where: str = "") -> tuple[TraceSection, ...
             names = [column_name(cell) for cell in ColumnFormat(header).cells(ColumnFormat(header).header)]
             if HEIGHT in names and len(names) > 1:
                 return _split(lines, names.index(HEIGHT), header, text, where)
+            for name in names:
+                if name.startswith("z_") and len(names) > 1:
+                    raise refusal_error("trace.height_unit", where=where, value=name, limit=HEIGHT)
     trace = parse_trace(content, where=where)
     return (TraceSection(z_mm=_stated_mm(trace, where), trace=trace),)
 

@@ -23,6 +23,7 @@ from console.text.catalogue import Catalogue
 if TYPE_CHECKING:
     from profiles.metrology.conformity import JudgedFigure
     from profiles.metrology.cylindricity import CylinderResult
+    from profiles.problem import Problem
     from profiles.trace_files.header import TraceHeader
     from profiles.trace_files.sections import SurfacePoints, TraceSection
 
@@ -100,7 +101,7 @@ def _whole(options: Namespace, found: Sequence[TraceSection] | SurfacePoints, te
     """Print the form over the length of a part that was measured in several sections, or in points."""
     from console.cli.library import naming
     from console.cli.measured.roundness_report import form_fields, form_lines
-    from console.cli.output import show
+    from console.cli.output import show, tell
     from console.text.part_sentences import judged_fields
     from profiles.files import printable
     from profiles.metrology.conformity import passes_all
@@ -113,10 +114,15 @@ def _whole(options: Namespace, found: Sequence[TraceSection] | SurfacePoints, te
         print(f"console roundness: {text('usage.one_section', options=', '.join(unused))}", file=sys.stderr)
         return WRONG_USAGE
     where = printable(options.file)
-    with naming(where):
-        whole = _evaluate(options, found)
     meta = found.meta if isinstance(found, SurfacePoints) else found[0].trace.meta
-    header, _ = header_of(meta)
+    header, doubts = header_of(meta)
+    with naming(where):
+        if not isinstance(found, SurfacePoints):
+            doubts = (*doubts, *_doubts(options, found, header))
+            found = _on_part(options, found, header)
+            header = replace(header, z_from=None)  # they count from the jaw faces now
+        whole = _evaluate(options, found)
+    warnings = tell(doubts, text)
     if isinstance(found, SurfacePoints):  # of points that are no sections only the form is known
         heights, mean_um = found.z_mm.tolist(), whole.cylinder(LEAST_SQUARES).deviation_um
         judged = _judged(options, header, None, None, mean_um, whole, (min(heights), max(heights)))
@@ -124,12 +130,42 @@ def _whole(options: Namespace, found: Sequence[TraceSection] | SurfacePoints, te
         first, heights = whole.sections[0], [each.z_mm for each in whole.sections]
         judged = _judged(options, header, first.z_mm, first.ront_um, first.mean_um, whole, heights)
     fields = {"files": [options.file, *options.others], **form_fields(whole, meta), **judged_fields(judged)}
+    fields["warnings"] = warnings
     show(options, lambda: fields, lambda: form_lines(whole, meta, judged, text))
     if options.fail_out_of_tolerance and passes_all(judged) is False:
         return OUT_OF_TOLERANCE
     if options.fail_out_of_tolerance and isinstance(found, SurfacePoints):  # its roundness is not known
         raise ProfileError(no_sections(found, where))
     return 0
+
+
+def _doubts(options: Namespace, found: Sequence[TraceSection], header: TraceHeader) -> list[Problem]:
+    """Return what is doubtful in a section, with its height."""
+    from console.session.learning.evaluated_part import at_height, fold_turns
+    from profiles.roundness import evaluate
+
+    doubts = []
+    for each in found:
+        with at_height(each.z_mm):
+            turn, _ = fold_turns(each.trace, header)
+            result = evaluate(turn.angle_deg, turn.deviation_um, options.filter, radius_mm=header.radius_mm)
+        doubts += [replace(doubt, where=f"Z {each.z_mm:g} mm") for doubt in result.warnings]
+    return doubts
+
+
+def _on_part(options: Namespace, found: Sequence[TraceSection], header: TraceHeader) -> Sequence[TraceSection]:
+    """Return the sections at their heights from the jaw faces, if they are counted from the free end of a job."""
+    from console.cli.library import job_of
+    from console.session.learning.evaluated_part import place_heights
+    from profiles.problem import ProfileError
+
+    if options.job is None or header.z_from is None:
+        return found
+    heights, outside = place_heights([each.z_mm for each in found], header, job_of(options).job)
+    if outside:
+        raise ProfileError(*outside)
+    placed = [replace(each, z_mm=z_mm) for each, z_mm in zip(found, heights, strict=True)]
+    return sorted(placed, key=lambda each: each.z_mm or 0.0)
 
 
 def _evaluate(options: Namespace, found: Sequence[TraceSection] | SurfacePoints) -> CylinderResult:

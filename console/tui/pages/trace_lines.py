@@ -11,7 +11,7 @@ from console.session.cut.run import FILTER_UPR
 from console.session.data.measured_part import CutPart
 from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart
 from console.text.catalogue import Catalogue
-from console.text.part_sentences import at_height, extraction_words
+from console.text.part_sentences import at_height, extraction_words, place_words
 from console.tui.lines import BLANK, NOTHING, Line, dim, fit_text, hanging, justify_line, line, name_in, wrap_line
 from console.tui.pages.learn_lines import part_words
 from console.tui.theme import Token
@@ -100,6 +100,9 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
         rows.append(_row(text("trace_import.sections"), among, width, Token.STRONG))
     rows += _section_rows(found, text, width) if filed else []
     if found.whole is not None:
+        if found.whole.sections:
+            worst = text.units.show(found.whole.worst.ront_um, "um", 2) + place_words(found.whole.worst.z_mm, text)
+            rows.append(_row(text("trace_import.worst"), worst, width, Token.STRONG))
         cylt_um = found.whole.cylinder(MINIMUM_ZONE).cylt_um
         rows.append(_row("CYLt MZCY", text.units.show(cylt_um, "um", 2), width, Token.STRONG))
     rows += _problem_lines((*found.problems, *_warnings(found)), text, width)
@@ -112,7 +115,8 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
 def _section_rows(found: EvaluatedPart, text: Catalogue, width: int) -> list[Line]:
     """Return how the sections were measured, and the roundness of the one that is judged."""
     heights = found.section_z_mm is not None
-    rows = [_row(text("trace_import.turns"), str(found.header.turns), width)]
+    turns = found.header.turns
+    rows = [_row(text("trace_import.turns"), str(turns), width)] if turns > 1 else []
     rows += [_stated_row(found, key, text, width) for key in QUESTIONS if key != "z_from" or heights]
     circle = text("trace_import.judged_by", upr=f"{FILTER_UPR:g}")
     rows.append(_row(text("trace_import.circle"), circle, width))
@@ -203,7 +207,7 @@ def _format_header_value(found: EvaluatedPart, key: str, text: Catalogue) -> str
 
 
 def _warnings(found: EvaluatedPart) -> tuple[Problem, ...]:
-    return found.warnings if found.judged is None else (*found.warnings, *found.judged.warnings)
+    return found.warnings if found.judged is None else (*found.judged.warnings, *found.warnings)
 
 
 def _problem_lines(problems: Sequence[Problem], text: Catalogue, width: int) -> list[Line]:
