@@ -350,3 +350,21 @@ def test_only_of_a_part_that_fails_it_is_said_why_it_most_likely_does(
     job = job_file(overhang_mm="30.0", cut_length_mm="8.0", roundness_tolerance_um=limit_um)
     said = console("--lang", language, "roundness", str(sections_file(tmp_path)), "--job", str(job)).out
     assert (words in said) is fails and "Z 22.0" in said
+
+
+def test_a_spike_in_one_of_several_sections_is_named_with_its_height(console: Console, tmp_path: Path) -> None:
+    path = sections_file(tmp_path)
+    path.write_text(path.read_text(encoding="utf-8").replace("28.0;120;1.000000", "28.0;120;41.000000"))
+    said = console("roundness", str(path), "--filter", "none")
+    assert said.code == 0 and "Z 28 mm" in said.err and "120 deg" in said.err
+
+
+def test_heights_from_the_free_end_are_said_from_the_jaws_of_their_job(
+    console: Console, job_file: JobFile, tmp_path: Path
+) -> None:
+    path = sections_file(tmp_path, (0.5, 4.0, 7.5))
+    path.write_text("# z_from: free end\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
+    job = job_file(overhang_mm="30.0", cut_length_mm="8.0")
+    seen = console("roundness", str(path), "--job", str(job), "--json").json
+    assert [each["z_mm"] for each in seen["sections"]] == [22.5, 26.0, 29.5]
+    assert seen["taper_um"] == pytest.approx(-3.5, abs=0.01), "0.5 um/mm from the free end on"

@@ -191,3 +191,12 @@ def test_a_height_that_is_there_twice_is_one_line_with_both_places() -> None:
         ("trace.height_twice", "Z 22 mm", "a:290", "a:2", "72"),
         ("trace.height_twice", "Z 24 mm", "a:146", "a:74", "72"),
     ]
+
+
+def test_heights_that_are_not_in_mm_are_refused_with_the_column() -> None:
+    content = "Z [in],angle_deg,deviation_um\n" + rows((0.88, 1.0, 1.16))
+    with pytest.raises(ProfileError) as refused:
+        parse_sections(content.encode(), where="a")
+    assert [(each.code, each.value, each.limit) for each in refused.value.problems] == [
+        ("trace.height_unit", "z_in", "z_mm")
+    ]

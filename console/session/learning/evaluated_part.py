@@ -60,7 +60,7 @@ QUESTIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 """Header keys that an operator is asked for where the file does not state them, with the possible answers."""
 
-_OF_FORM = ("state", "z_from")
+OF_FORM = ("state", "z_from")
 """Those that matter for points that are no sections: nothing of them is placed on the spindle."""
 
 UNKNOWN_STATE = "unknown"
@@ -369,7 +369,7 @@ def _points_of_file(
 ) -> EvaluatedPart:
     """Return points that are no sections: their form over the length is judged, and no roundness."""
     listed = _list_questions(header_of(filed.meta)[0], heights=True)
-    asked = tuple(key for key in listed if key in _OF_FORM)
+    asked = tuple(key for key in listed if key in OF_FORM)
     given = {key: answers[key] for key in asked if key in answers}
     meta = MappingProxyType({**filed.meta, **given})
     cloud = Trace(angle_deg=filed.angle_deg, deviation_um=filed.deviation_um, meta=meta)

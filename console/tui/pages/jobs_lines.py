@@ -13,7 +13,6 @@ from console.session.data.history import LastResult, LastResults
 from console.text.along_length import ront_words
 from console.text.catalogue import Catalogue
 from console.text.lobe import lobe_number
-from console.text.part_sentences import place_words
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, fit_text, hanging, line, name_among, wrap_line
 from console.tui.pages.fields import provenance
 from console.tui.theme import Token
@@ -247,7 +246,7 @@ def _last_lines(last: LastResult | None, simulated: bool, text: Catalogue, width
     simulation = text("jobs_page.simulated") if simulated else ""
     uncompensated = text("jobs_page.without") if last.strategy == UNCOMPENSATED else ""
     notes = filter(None, (text("jobs_page.circle"), simulation, uncompensated))
-    at = place_words(last.z_mm, text)
+    at = "" if last.z_mm is None else text("inspect_page.at", z=text.units.figure(last.z_mm, "mm", 1))
     cylt = [] if last.cylt_um is None else [_fact("CYLt", text.units.show(last.cylt_um, "um", 2), width)]
     return [
         _fact(text("jobs_page.last_part"), ront_words(last.ront_um, text) + at, width),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from console.session.cut.run import FILTER_UPR
 from console.session.data.measured_part import CutPart
-from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart
+from console.session.learning.evaluated_part import OF_FORM, QUESTIONS, EvaluatedPart
 from console.text.catalogue import Catalogue
 from console.text.part_sentences import at_height, extraction_words, place_words
 from console.tui.lines import BLANK, NOTHING, Line, dim, fit_text, hanging, justify_line, line, name_in, wrap_line
@@ -98,7 +98,8 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
         first, last = (text.units.figure(filed[place].z_mm or 0.0, "mm", 1) for place in (0, -1))
         among = text("trace_import.among", count=len(filed), first=first, last=last)
         rows.append(_row(text("trace_import.sections"), among, width, Token.STRONG))
-    rows += _section_rows(found, text, width) if filed else []
+    of_form = [_stated_row(found, key, text, width) for key in OF_FORM]
+    rows += _section_rows(found, text, width) if filed else of_form
     if found.whole is not None:
         if found.whole.sections:
             worst = text.units.show(found.whole.worst.ront_um, "um", 2) + place_words(found.whole.worst.z_mm, text)
