@@ -16,7 +16,7 @@ from profiles.files import printable
 
 _SELECTED, _MARKED = "▸", "*"
 _NAME_LEAST = 22
-_TIME, _CYLT, _RONT, _HOW, _SIM = 17, 8, 10, 13, 4
+_TIME, _CYLT, _RONT, _HOW, _SIM = 17, 7, 10, 15, 4
 _MORE = (("machine", 17), ("operator", 11), ("strategy", 10), ("version", 8), ("diameter", 11))
 """Columns that are shown where there is room for them, with the name of the job not shortened."""
 
