@@ -123,6 +123,10 @@ def test_a_path_that_is_refused_ends_the_series_with_the_parts_so_far(
     assert said.json["after"]["RONt_um"] == said.json["passes"][0]["RONt_um"]
     ended, why = said.json["warnings"][-2:]
     assert "part 2 of 3 was not cut" in ended
+    rows = said.json["passes"][0]["learned"]["certificate"]
+    assert {"refused"} < {each["standing"] for each in rows} and "learned" not in {
+        each["standing"] for each in rows
+    }
     assert "2/rev" in why and "allowed <= 15.9 um" in why and "Check the chuck" in why
 
 

@@ -39,7 +39,7 @@ from drivers.identification.nominal import nominal_response
 from profiles.axis.friction import held_back_um
 from profiles.compensations.axial_learning import AxialHistory, AxialRules, axial_steps, fit_axial
 from profiles.compensations.causes import OVAL
-from profiles.compensations.certificate import PROCESS_GAINS, CertifiedOrder
+from profiles.compensations.certificate import PROCESS_GAINS, CertifiedOrder, certify_push, refuse_orders
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
     SIGNIFICANT,
@@ -103,6 +103,7 @@ def learn(
         except _RefusedPathError as refused:
             if not made:
                 raise
+            made[-1] = replace(made[-1], learned=(), certificate=refuse_orders(made[-1].certificate))
             ended = (Problem(code="learning.ended", key=str(len(made) + 1), limit=str(parts)), *refused.problems)
     return LearnResult(
         plan=plan,
@@ -395,7 +396,8 @@ class _Learner:
         self._path = learned_part(kept, part, tool, self._response, gain, steps).add_push(push.um)
         orders.step(path, self._path)
         certificate = orders.certificate(left, found, tool_off, gains, self._watch.frozen_orders)
-        return tuple(sorted({*high, *missed})), (*certificate, *self._learn_along(sections, push))
+        rows = (*certificate, *self._learn_along(sections, push), *certify_push(push.um))
+        return tuple(sorted({*high, *missed})), rows
 
     def _learn_along(self, sections: Sequence[TraceSection], push: Push) -> tuple[CertifiedOrder, ...]:
         """Put what the sections of the part show along the cut into the path; return the certificate of it."""
