@@ -31,6 +31,7 @@ Codes, with what is refused:
 - `rule.along_middle`          (warning) a lobe that is nearly none in the middle of the cut, where it is stated:
                                only a plain cut can be planned
 - `rule.along_degree`          (warning) a lobe along the cut that a polynomial does not follow closely
+- `rule.moving_out`            (warning) a following error that trips as the tool moves out on a table
 
 An error found with no condition stated is not compared, and gives no finding of agreement. The
 last four need a part that can be held and cut, of a known material.
@@ -72,6 +73,7 @@ def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 @lru_cache(maxsize=4)
 def _check_rules(of: SameObjects[Job, MachineProfile]) -> tuple[Finding, ...]:
     from profiles.lobe.along import along_findings, largest_lobe  # numerics, which the first page does without
+    from profiles.lobe.moving_out import moving_out_findings
 
     job, machine = of.one, of.other
     lobe_um, lobe_z_mm = largest_lobe(job, machine)
@@ -92,6 +94,7 @@ def _check_rules(of: SameObjects[Job, MachineProfile]) -> tuple[Finding, ...]:
         *lobe_as_found(job, machine),
         *_chatter(job, machine, (*of_part, *of_grip)),
         *along_findings(job, machine),
+        *moving_out_findings(job, machine),
     )
 
 

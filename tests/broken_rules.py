@@ -227,7 +227,7 @@ _CUTTING: tuple[Mutation, ...] = (
     Mutation(
         rule="After a hold the turns in which the tool finds less of the chip are not judged.",
         file="drivers/cutting/feed_hold.py",
-        old="return TURNS_BACK + 1.5 * way_mm / OUT_SPEED_MM_S * plan.spindle_speed_rpm / 60.0",
+        old="return TURNS_BACK + out_ms(way_mm) / 1000.0 * plan.spindle_speed_rpm / 60.0",
         new="return TURNS_BACK",
         test="tests/drivers/test_planned_bounds.py::"
         "test_after_a_hold_as_many_turns_are_not_judged_as_the_way_out_took_and_two",

@@ -208,6 +208,8 @@ def _says_nothing(each: CertifiedOrder) -> bool:
 
 
 def _term(each: CertifiedOrder, text: Catalogue) -> str:
+    if not each.order and not each.axial:
+        return text("certificate.push")
     order = str(each.order) if each.order else text("certificate.mean")
     return text(f"certificate.axial.{each.axial}", order=order) if each.axial else order
 

@@ -16,8 +16,8 @@ from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.base import is_gone
 from drivers.pmac.programs.hold import HELD_SEGMENTS, HOLD, HOLD_STATE, MOST_HELD_S, SEGMENTS_A_TURN
-from drivers.pmac.programs.pvt import OUT_SPEED_MM_S
 from drivers.pmac.programs.setup import TURNS_CUT
+from profiles.lobe.moving_out import out_ms
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -38,7 +38,7 @@ def turns_back(plan: CutPlan, machine: MachineProfile) -> float:
     """
     tool, setup = machine.tool, plan.setup
     way_mm = (plan.checked.highest[tool.motor] - setup.retracted) * tool.count_um / 1000.0
-    return TURNS_BACK + 1.5 * way_mm / OUT_SPEED_MM_S * plan.spindle_speed_rpm / 60.0
+    return TURNS_BACK + out_ms(way_mm) / 1000.0 * plan.spindle_speed_rpm / 60.0
 
 
 class HoldState(IntEnum):

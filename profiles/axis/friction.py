@@ -20,6 +20,7 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 
 ASSUMED_FRICTION_N = 5.0  # assumed dry friction of an unmeasured tool: roller guides of its size have 2 to 5 N
+USUAL_FRICTION_N = 3.5  # the middle of those
 HARMONICS = (1, 3, 5)
 """Multiples of the lobe that count: the fifth has a hundredth of the first, as only the mass resists it."""
 

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from profiles.arrays import Complexes, complexes, floats
+from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables
 from profiles.machine import MachineProfile
 
@@ -130,20 +130,20 @@ def tool_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -
 
 def step_error(machine: MachineProfile, time_s: float) -> float:
     """Return the remaining error of a step command of Eq 9 at a time after it: N = M s^2 + B s."""
-    return _after_step(machine, [machine.tool.moving_mass_kg, machine.tool.damping_n_s_per_m, 0.0], time_s)
+    return float(_after_step(machine, [machine.tool.moving_mass_kg, machine.tool.damping_n_s_per_m, 0.0], time_s))
 
 
-def pushed_um_per_n(machine: MachineProfile, time_s: float) -> float:
-    """Return the displacement by a step of force at a time after it, um/N: N = 1."""
+def pushed_um_per_n(machine: MachineProfile, time_s: ArrayLike) -> Floats:
+    """Return the displacement by a step of force at times after it, um/N, in the shape of `time_s`: N = 1."""
     return 1e6 * _after_step(machine, [1.0], time_s)
 
 
-def _after_step(machine: MachineProfile, numerator: ArrayLike, time_s: float) -> float:
+def _after_step(machine: MachineProfile, numerator: ArrayLike, time_s: ArrayLike) -> Floats:
     """Return sum N(p) exp(p t) / D'(p) over the poles p of Eq 9, the roots of its denominator D."""
     _, denominator = _eq9_polynomials(machine)
     poles = np.roots(denominator)
     residues = np.polyval(np.asarray(numerator), poles) / np.polyval(np.polyder(denominator), poles)
-    return float(np.real(np.sum(residues * np.exp(poles * time_s))))
+    return floats(np.real(np.exp(np.multiply.outer(floats(time_s), poles)) @ residues))
 
 
 def following_error_um(machine: MachineProfile, amplitude_um: float, frequency_hz: float) -> float:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from profiles.compensations.certificate import (
+    RIGID,
     CertifiedOrder,
     OrderEvidence,
     OrderStatus,
@@ -29,8 +30,6 @@ from profiles.compensations.path import AXIAL_POWERS, AlongCut, CutPath, LobedPa
 SLOPE_SECTIONS = 2
 MEAN = 0
 Key = tuple[int, int]  # an order, 0 for the mean, and a power of s
-
-_RIGID = ToolResponse(response=1.0 + 0j, spread=0.0)  # of the mean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,4 +190,4 @@ def _followed(error_um: complex, order: int, target: LobedPath, rules: AxialRule
 
 
 def _response(order: int, follows: Callable[[int], ToolResponse]) -> ToolResponse:
-    return follows(order) if order else _RIGID
+    return follows(order) if order else RIGID

@@ -11,8 +11,8 @@ end, as of a low-pass (the Q of learning control).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from profiles.compensations.optimal_gain import PROCESS_LOSS_SD
@@ -36,6 +36,7 @@ class OrderStatus(StrEnum):
     VARIES = "varies"
     GREW = "grew"
     UNSEEN = "unseen"
+    REFUSED = "refused"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +45,9 @@ class ToolResponse:
 
     response: complex
     spread: float
+
+
+RIGID = ToolResponse(response=1.0 + 0j, spread=0.0)  # of the mean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,6 +125,25 @@ def certify_order(
         standing=standing,
         tool_off_um=_height(shown.tool_off_um),
         axial=axial,
+    )
+
+
+def certify_push(push_um: float, standing: OrderStatus = OrderStatus.LEARNED) -> tuple[CertifiedOrder, ...]:
+    """Return the row of a push of the cut, um at its entry, made up for in full; none of no push.
+
+    It is the term of order 0 that is no polynomial along Z (`axial` 0); its height from entry to end is p-p.
+    """
+    if not push_um:
+        return ()
+    shown = OrderEvidence(on_part_um=complex(push_um / 2.0), left_um=complex(push_um / 2.0))
+    return (certify_order(0, 1.0, shown, RIGID, standing),)
+
+
+def refuse_orders(certificate: Iterable[CertifiedOrder]) -> tuple[CertifiedOrder, ...]:
+    """Return a certificate of which nothing is learned, since the part or its path was refused."""
+    return tuple(
+        replace(each, standing=OrderStatus.REFUSED) if each.standing is OrderStatus.LEARNED else each
+        for each in certificate
     )
 
 

@@ -6,7 +6,7 @@ The job states the lobe in the middle of the cut; along it each order has the sh
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -89,16 +89,21 @@ def along_findings(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     if found.in_middle < LEAST_AXIAL_FRACTION <= found.largest:
         value, limit = f"{100.0 * found.in_middle:.2g} %", f">= {100.0 * LEAST_AXIAL_FRACTION:g} %"
         middle = Problem(code=NO_MIDDLE, key=key, value=value, limit=limit)
-        middle = _with_lengths(middle, _with_a_middle_mm(part, machine))
+        middle = with_lengths(middle, _with_a_middle_mm(part, machine))
         return (judge_condition(False, middle, Severity.WARNING),)
     if found.left_um <= FIT_UM:
         return ()
     value, limit = f"{found.left_um:.2g} um", f"<= {FIT_UM:g} um"
     degree = Problem(code="rule.along_degree", key=key, value=value, limit=limit)
-    return (judge_condition(False, _with_lengths(degree, _fitted_mm(job, machine)), Severity.WARNING),)
+
+    def follows(length_mm: float) -> bool:
+        return _follow(held_part(replace(job, cut_length_mm=length_mm), machine)).left_um <= FIT_UM
+
+    degree = with_lengths(degree, longest_shorter_mm(job.cut_length_mm, follows))
+    return (judge_condition(False, degree, Severity.WARNING),)
 
 
-def _with_lengths(problem: Problem, lengths_mm: Iterable[int]) -> Problem:
+def with_lengths(problem: Problem, lengths_mm: Iterable[int]) -> Problem:
     """Return the problem with the nearest lengths of the cut that have none of this kind."""
     lengths = " / ".join(f"{mm} mm" for mm in lengths_mm)
     return replace(problem, limit=f"{problem.limit} ({lengths})" if lengths else problem.limit)
@@ -114,15 +119,14 @@ def _with_a_middle_mm(part: HeldPart, machine: MachineProfile) -> Iterator[int]:
     yield from passing[passing > job.cut_length_mm][:1].tolist()
 
 
-def _fitted_mm(job: Job, machine: MachineProfile) -> Iterator[int]:
-    """Return the longest shorter cut, whole mm, that the polynomial follows, by bisection."""
-    follows, beyond = 0, math.ceil(job.cut_length_mm)
-    while beyond - follows > 1:
-        between = (follows + beyond) // 2
-        found = _follow(held_part(replace(job, cut_length_mm=float(between)), machine))
-        follows, beyond = (between, beyond) if found.left_um <= FIT_UM else (follows, between)
-    if follows:
-        yield follows
+def longest_shorter_mm(cut_length_mm: float, passes: Callable[[float], bool]) -> Iterator[int]:
+    """Return the longest shorter cut, whole mm, that passes, by bisection."""
+    least, beyond = 0, math.ceil(cut_length_mm)
+    while beyond - least > 1:
+        between = (least + beyond) // 2
+        least, beyond = (between, beyond) if passes(float(between)) else (least, between)
+    if least:
+        yield least
 
 
 def shape_along(job: Job, machine: MachineProfile, z_mm: Floats) -> tuple[Floats, Floats]:

@@ -46,6 +46,7 @@ _OF_PREDICTION = (
     "rule.encoder_acceleration",
     "rule.along_middle",
     "rule.along_degree",
+    "rule.moving_out",
 )
 
 

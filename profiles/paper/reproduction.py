@@ -83,7 +83,7 @@ def _stiffness(machine: MachineProfile) -> tuple[Record, ...]:
     held = replace(machine, tool=replace(machine.tool, gain_ki_v_per_m_s=0.0))
     steady, lobe = tool_compliance_um_per_n(held, 0.0), tool_compliance_um_per_n(machine, 50.0)
     # The time constant with which the integrator corrects a step of force, from 2 s to 6 s.
-    early, late = (pushed_um_per_n(machine, time_s) for time_s in (2.0, 6.0))
+    early, late = pushed_um_per_n(machine, (2.0, 6.0)).tolist()
     of = partial(Record, "accept.stiffness", number=11)
     return (
         of(abs(complex(steady)), "um/N", at="steady", expected=10.86, tolerance=0.01),

@@ -251,7 +251,9 @@ def test_a_version_makes_up_for_the_push_that_its_part_has_shown_also_after_a_re
     ran = console(*cut, "--part", trace)
     assert "push_um" in ran.json, ran.out + ran.err
     first = ran.json
-    console("learn", trace, "--job", ring, *lathe, "--keep")
+    taught = console("learn", trace, "--job", ring, *lathe, "--keep", "--json").json
+    (push,) = [each for each in taught["certificate"] if not each["order"] and not each["axial"]]
+    assert push["standing"] == "learned" and 2.0 * push["on_part_um"] == pytest.approx(first["push_um"])
     second = console(*cut, "--compensation", "newest").json
     assert first["push_um"] > 10.0
     assert abs(second["push_um"]) < 0.3 * first["push_um"]

@@ -113,6 +113,31 @@ def test_a_low_process_gain(console: Console, close: tuple[str, str], job_file: 
     assert third < result["floor"]["RONt_um"] + 2.0
 
 
+def test_a_path_that_is_refused_ends_the_series_with_the_parts_so_far(
+    console: Console,
+) -> None:
+    """The chuck of this lathe presses an oval of 56 um p-p beside a lobe of 33."""
+    plant = ("--sim", "--plant", "realistic", "--seed", "7", "--strategy", "cam", "--learn", "3", "--json")
+    said = console("run", "lee-2001-experiment-2", *plant)
+    assert (said.code, len(said.json["passes"])) == (0, 1)
+    assert said.json["after"]["RONt_um"] == said.json["passes"][0]["RONt_um"]
+    ended, why = said.json["warnings"][-2:]
+    assert "part 2 of 3 was not cut" in ended
+    rows = said.json["passes"][0]["learned"]["certificate"]
+    assert {"refused"} < {each["standing"] for each in rows} and "learned" not in {
+        each["standing"] for each in rows
+    }
+    assert "2/rev" in why and "allowed <= 15.9 um" in why and "Check the chuck" in why
+
+
+def test_a_strategy_that_cannot_be_learned_is_refused_before_the_job_is_planned(
+    console: Console, job_file: JobFile
+) -> None:
+    too_fast = str(job_file(spindle_speed_rpm="9000.0"))
+    said = console("run", too_fast, "--sim", "--strategy", "pvt", "--learn", "3", "--json")
+    assert [each["code"] for each in said.json["errors"]] == ["learning.strategy"]
+
+
 MACHINE = compact_machine().machine
 JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=2.0)
 IN_CUT_S = 4.75

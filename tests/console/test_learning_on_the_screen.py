@@ -40,6 +40,7 @@ from drivers.identification.nominal import nominal_response
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, ResponseOrigin
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.which_lathe import WhichLathe
+from profiles.compensations.certificate import OrderStatus
 from profiles.compensations.learned_compensation import LearnedCompensation, model_again
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
@@ -190,6 +191,11 @@ def test_a_part_with_jaw_1_elsewhere_is_not_offered(shop: Shop, console: Console
     assert lobe_um_pp(part) > shop.job.job.lobe_error_um_pp
     (problem,) = lesson(part).reasons
     assert problem.code == "learned.worse"
+    step = part.learning.taught.step if part.learning and part.learning.taught else None
+    assert step is not None and step.learned == ()
+    assert {each.standing for each in step.certificate if (each.order, each.axial) == (3, 0)} == {
+        OrderStatus.REFUSED
+    }
     with pytest.raises(SessionError, match=r"learned\.worse"):
         accept(lesson(part), shop.data)
     trace = tmp_path / "aside.csv"

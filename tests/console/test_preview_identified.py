@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -194,6 +195,13 @@ def test_the_worst_section_is_in_the_preview_of_the_command(console: Console) ->
     assert sections[len(sections) // 2]["RONt_um"] == pytest.approx(28.1, abs=0.1)
     assert sections[-1]["RONt_um"] == pytest.approx(21.6, abs=0.5)
     assert sections[len(sections) // 2]["mean_um"] == 0.0
+    assert found["predicted"]["section_z_mm"] == 26.0
+    plain = found["predicted"]["before"]
+    assert plain["worst_section_z_mm"] == pytest.approx(22.4)
+    assert plain["worst_section_um_pp"] == pytest.approx(55.0 * 0.386 / 0.315, abs=2.0), "f_3 of the jaws' side"
+    words = console(*asked).out
+    assert "paper, section at Z 26.0 mm" in words
+    assert re.search(r"worst section along the cut, with none +Z 22\.4 mm: 6\d", words)
     assert "Z 22.4 mm: 37.9 um" in console(*asked).out
 
 
@@ -217,7 +225,7 @@ def test_people_are_told_what_is_inverted_and_left(console: Console, tmp_path: P
     shown = console("preview", str(job_file(cut_length_mm="1.0")), "--identified", str(file_of(tmp_path))).out
     for words in (
         "identified there.json, ± 0.2",
-        "predicted error with pvt, with its band",
+        "predicted error with pvt, section at Z 29.5 mm, with its band",
         "1400 rpm (invertible response)",
     ):
         assert words in shown

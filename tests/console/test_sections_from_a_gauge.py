@@ -147,7 +147,15 @@ def test_learning_takes_the_section_at_mid_cut_of_a_file_of_several(
     seen = console("learn", str(stated), "--job", job, *words, "--json").json
     assert seen["section_z_mm"] == 26.5
     assert seen["measured"]["RONt_um"] == pytest.approx(7.5, abs=0.05)
-    assert "section at Z 26.50 mm" in console("learn", str(stated), "--job", job, *words).out
+    rows = [(row["z_mm"], row["RONt_um"]) for row in seen["sections"]]
+    worst_mm, worst_um = max(rows, key=lambda row: row[1])
+    assert len(rows) == len(FROM_JAWS) and worst_um > 7.5
+    said = console("learn", str(stated), "--job", job, *words).out
+    assert "section at Z 26.50 mm" in said
+    assert (
+        f"worst at Z {worst_mm:.1f} mm: RONt {worst_um:.2f} um" in said
+        and f"CYLt {seen['CYLt_um']:.2f} um" in said
+    )
 
 
 @pytest.mark.long

@@ -14,6 +14,7 @@ from profiles.compensations.path import AlongCut
 from profiles.findings import Finding, Severity
 from profiles.job import Job
 from profiles.lobe.along import along_cut, holding_spread, oval_over_ring
+from profiles.lobe.moving_out import moving_out_um
 from profiles.lobe.prediction import predict
 from profiles.problem import ProblemError
 from profiles.rules import check
@@ -107,6 +108,34 @@ def test_what_the_polynomial_leaves_is_told_in_um_with_a_length_that_passes() ->
     assert float(told.problem.value.removesuffix(" um")) == pytest.approx(off_um.max(), rel=0.5)
     (length,) = re.findall(r"\((\d+) mm\)", told.problem.limit)
     assert "rule.along_degree" not in broken(replace(LONG, cut_length_mm=float(length)))
+
+
+def test_a_tool_that_would_trip_as_it_moves_out_is_told_with_what_passes() -> None:
+    """In simulated cuts, with the limit raised, the tool was 167 um late on the table and 135 um with `pvt`."""
+    told = found(LONG, "rule.moving_out")
+    assert told.severity is Severity.WARNING
+    assert float(told.problem.value.removesuffix(" um")) == pytest.approx(167.0, abs=10.0)
+    assert float(told.problem.where.removesuffix(" um")) == pytest.approx(135.0, abs=15.0)
+    limit, length = map(float, re.findall(r"([\d.]+) [um]+", told.problem.limit))
+    assert limit == 150.0 > float(told.problem.where.removesuffix(" um"))
+    assert "rule.moving_out" not in broken(replace(LONG, cut_length_mm=length))
+    assert "rule.moving_out" in broken(replace(LONG, cut_length_mm=length + 1.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "cut_um"),
+    [
+        ("lee-2001-experiment-1", 102.0),
+        ("lee-2001-experiment-2", 93.0),
+        ("thin-ring-3-jaws", 83.0),
+        ("two-jaw-tube", 91.0),
+    ],
+)
+def test_nothing_is_told_of_jobs_whose_tool_moves_out_below_the_limit(name: str, cut_um: float) -> None:
+    """The largest following errors of simulated cuts with `cam`, a plant of 3 N of dry friction."""
+    job = load_job(name).job
+    assert "rule.moving_out" not in broken(job)
+    assert moving_out_um(job, LATHE)[0] == pytest.approx(cut_um, abs=15.0)
 
 
 def test_the_rules_judge_the_lobe_where_along_the_cut_it_is_largest() -> None:

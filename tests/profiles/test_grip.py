@@ -359,7 +359,7 @@ def test_several_rules_at_once_carry_numbers_with_units() -> None:
     findings = check(job, LATHE)
     assert [
         f.problem.code for f in findings if f.severity is Severity.WARNING
-    ] == "rule.grip_need rule.clamp_span rule.jaws_differ rule.lobe_differs".split()
+    ] == "rule.grip_need rule.clamp_span rule.jaws_differ rule.lobe_differs rule.moving_out".split()
     assert refused(job) == ["rule.wall_over_radius", "rule.feed_over_land"]
     finding = next(f for f in check(ONE, LATHE) if f.problem.code == "rule.grip_loss")
     assert (finding.problem.value, finding.problem.limit) == ("230.291 N", "<= 880.38 N")

@@ -29,7 +29,7 @@ from console.tui.plot.polar_view import PolarView
 from console.tui.theme import Token
 from console.tui.ui_context import View
 from drivers.cutting.planning import Strategy
-from profiles.compensations.certificate import CertifiedOrder, OrderStatus
+from profiles.compensations.certificate import CertifiedOrder, OrderStatus, certify_push
 from profiles.metrology.conformity import JudgedFigure, ToleranceKind
 from profiles.metrology.cylindricity import PartSection, evaluate_cylinder
 from profiles.roundness import evaluate
@@ -459,6 +459,16 @@ def test_what_is_on_the_part_is_shown_beside_the_error_of_its_tool() -> None:
     assert shown[:3] == ["2", "10.96", "11.66"]
     assert unseen[:3] == ["13", "1.42", "too"], "no height, and the bound that was judged"
     assert "tool error" not in certificate_lines(PART, load("en"))[1], "a part alone does not show it"
+
+
+def test_a_push_has_a_row_and_what_was_refused_is_not_called_learned() -> None:
+    """14 um at the entry, none at the end of the cut."""
+    (learned,), (refused,) = (
+        rows_of(*certify_push(14.0, each)) for each in (OrderStatus.LEARNED, OrderStatus.REFUSED)
+    )
+    assert learned[:5] == ["push", "at", "entry", "14.00", "1.00"] and learned[-1] == "learned"
+    assert refused[:4] == learned[:4] and refused[4:] == ["not", "learned:", "refused"]
+    assert certify_push(0.0) == ()
 
 
 def test_an_order_that_the_tool_hardly_follows_is_not_called_too_uncertain() -> None:

@@ -168,7 +168,7 @@ async def test_every_strategy_with_what_it_leaves_is_on_the_page(room: tuple[int
             await pilot.pause()
             rows = grid(app).split("\n")
             assert all(cell_len(row) <= room[0] for row in rows) and len(rows) <= room[1]
-            for name, left in (("pvt", "2.0 um"), ("paper", "28.1 um"), ("none", "55.0 um")):
+            for name, left in (("pvt", "2.0 um"), ("paper", "37.9 um"), ("none", "66.3 um")):
                 row = next(row for row in rows if f" {name} " in row and left in row)
                 assert ("▸" in row) == (name == strategy)
 
@@ -176,7 +176,8 @@ async def test_every_strategy_with_what_it_leaves_is_on_the_page(room: tuple[int
 def test_the_plots_have_their_scale_and_keys() -> None:
     text = shown(previewed("paper"))
     for words in (
-        "predicted",
+        "RONt, section at Z 26.0 mm",
+        "Predicted RONt, worst section",
         "20 um/div",
         "jaw 1 at 90.0°",
         "(assumed)",
@@ -186,7 +187,7 @@ def test_the_plots_have_their_scale_and_keys() -> None:
         "360°",
     ):
         assert words in text
-    assert "LSC, unfiltered" in text
+    assert "LSC, free, unfiltered" in text
 
 
 @pytest.mark.long
@@ -231,7 +232,7 @@ def test_until_its_program_exists_and_without_a_lobe_no_section_is_named() -> No
     assert work.preview is not None
     early = underway(outlook(work.job, work.machine.machine, Strategy.PAPER), None, {})
     assert "worst section …" in shown(replace(work, preview=None, outlook=early))
-    assert "worst section" not in shown(previewed("none", lobe_error_source=NO_LOBE, lobe_error_um_pp=0.0))
+    assert "worst section Z" not in shown(previewed("none", lobe_error_source=NO_LOBE, lobe_error_um_pp=0.0))
 
 
 def test_with_and_without_compensation_differ_by_more_than_colour() -> None:
@@ -317,7 +318,7 @@ async def test_the_charts_come_with_the_preview_c_steps_through_the_strategies_a
         for size in ((1, 1), (2, 2), (60, 3), (60, 12), (200, 60), (80, 18)):
             await pilot.resize_terminal(*size)
             await pilot.pause()
-        assert "28.1 um" in grid(app)
+        assert "37.9 um" in grid(app)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -143,7 +143,8 @@ async def test_the_page_has_the_new_numbers_while_the_programs_are_still_compute
     # Then every figure is that of the program, where its place was kept.
     made = preview(work.job, work.machine.machine)
     for strategy, prediction in made.predictions.items():
-        assert re.search(rf" {strategy} .* {max(prediction.ront_um, 2.0):.1f} um│", late)
+        assert prediction.surface is not None
+        assert re.search(rf" {strategy} .* {max(prediction.surface.ront_um.max(), 2.0):.1f} um│", late)
     assert "40.0 / 55.2 Hz  72 %" in late
     assert "…" not in re.sub(r"\d … \d", "", late), "but for the force window, which is a range"
     assert text("preview_page.next_wait") not in late

@@ -33,7 +33,7 @@ from console.session.data.learned_store import (
 from console.session.data.measured_part import newest_part
 from console.session.errors import SessionError
 from console.session.learning.fingerprint import FingerprintedCut
-from console.session.learning.learning import COMPARED, refuse_unlearnable
+from console.session.learning.learning import COMPARED, refuse_unlearnable, refuse_untrimmed
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage, nominal_path
 from console.session.station.machine_address import address_of
@@ -92,6 +92,8 @@ class RunRequest:
 
 def plan_request(options: Namespace) -> RunRequest:
     """Load and plan what the command line requests; nothing is opened."""
+    if options.learn is not None:
+        refuse_untrimmed(Strategy(options.strategy))
     job, loaded = job_of(options), apply_calibrations(machine_of(options), data_of(options))
     address, true, lathe = _place(options, loaded.machine)
     loaded = along_as_there(loaded, address, true)

@@ -24,6 +24,7 @@ from console.session.learning.learning_steps import SIMULATED, LearningOutcome, 
 from console.session.learning.part_learning import record_accepted
 from console.session.learning.provenance import taken_before
 from console.session.stages import Stage
+from console.text.along_length import form_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from console.text.part_sentences import at_height, cause_words, certificate_fields, certificate_lines
@@ -75,17 +76,19 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
     kept = store(data, following) if options.keep and not reasons else None
     if kept is not None:
         warnings += tell(_record_learning_step(data, content, following), text)
-    asked = options.keep or bool(reasons)
+    asked, form = options.keep or bool(reasons), {} if filed.whole is None else filed.whole.event()
     show(
         options,
         lambda: {
             **_step_fields(found),
             SECTION_Z: filed.section_z_mm,
+            **form,
             "kept": kept and str(kept),
             "warnings": warnings,
         },
         lambda: [
             at_height(filed.section_z_mm, text),
+            *([f"{text('run.whole')}: {form_words(form, text)}"] if form else []),
             *_step_lines(found, text, fails=_fails(found, job)),
             *_kept_lines(following, kept, asked, options, text),
         ],

@@ -14,6 +14,7 @@ from console.text.checks import MARKS
 from console.text.columns import table
 from console.text.forces import no_force_remedy
 from drivers.cutting.planning import CutPlan
+from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.band import Band, predicted_band
 from drivers.preview.outlook import grip_demand
 from drivers.preview.preview import Preview, Response, surface_left, worst_section
@@ -21,6 +22,7 @@ from profiles.axis.envelope import envelope, highest_safe_speed
 from profiles.chucking.advice import force_span
 from profiles.findings import Severity
 from profiles.forecast import LEAST_FORECAST_UM, forecast_um, is_below_forecast
+from profiles.lobe.cut_error import middle_mm
 from profiles.lobe.lobe_conditions import OTHER_CUT, lobe_source
 from profiles.problem import ProblemError
 
@@ -68,7 +70,8 @@ def _predict_roundness(seen: Preview, text: Catalogue) -> dict[str, object] | No
     reasons = band_reasons(band, seen.response, text)
     because = [{"code": code, "um": um, "text": words} for code, um, words in reasons]
     return {
-        "before": {"ront_um": seen.job.lobe_error_um_pp},
+        "section_z_mm": middle_mm(seen.job),
+        "before": {"ront_um": seen.job.lobe_error_um_pp, **_worst(seen, UNCOMPENSATED)},
         "after": {"ront_um": band.after_um},
         "band": {"low_um": band.low_um, "high_um": band.high_um, "because": because},
         "forecast": {
@@ -84,13 +87,17 @@ def _along_cut(seen: Preview) -> dict[str, object]:
 
     The names are those of a measured part.
     """
-    surface, worst = surface_left(seen, seen.strategy), worst_section(seen, seen.strategy)
-    z_mm, um = (None, None) if worst is None else worst
+    surface = surface_left(seen, seen.strategy)
     sections = None
     if surface is not None:
         columns = zip(surface.z_mm.tolist(), surface.ront_um.tolist(), surface.mean_um.tolist(), strict=True)
         sections = [{"z_mm": z, "RONt_um": ront, "mean_um": mean} for z, ront, mean in columns]
-    return {"sections": sections, "worst_section_z_mm": z_mm, "worst_section_um_pp": um}
+    return {"sections": sections, **_worst(seen, seen.strategy)}
+
+
+def _worst(seen: Preview, strategy: Strategy) -> dict[str, float | None]:
+    z_mm, um = worst_section(seen, strategy) or (None, None)
+    return {"worst_section_z_mm": z_mm, "worst_section_um_pp": um}
 
 
 def _response(seen: Preview) -> dict[str, object]:
@@ -214,14 +221,15 @@ def _facts(seen: Preview, band: Band | None, text: Catalogue) -> list[tuple[str,
     ]
     if band is not None:
         after, low, high = map(forecast_um, (band.after_um, band.low_um, band.high_um))
-        rows.append((text("preview.left", strategy=seen.strategy), f"{after:.1f} um ({low:.1f} … {high:.1f} um)"))
+        left = text("preview.left", strategy=seen.strategy, z=f"{middle_mm(job):.1f}")
+        rows.append((left, f"{after:.1f} um ({low:.1f} … {high:.1f} um)"))
         if is_below_forecast(band.after_um):
             calculated, least = f"{band.after_um:.2f}", f"{LEAST_FORECAST_UM:g}"
             rows.append(("", text("forecast.least", calculated=calculated, least=least)))
-    worst = worst_section(seen, seen.strategy)
-    if worst is not None:
-        place = f"Z {worst[0]:.1f} mm: {forecast_um(worst[1]):.1f} um"
-        rows.append((text("preview.worst", strategy=seen.strategy), place))
+    for strategy in dict.fromkeys((seen.strategy, UNCOMPENSATED)):
+        if worst := worst_section(seen, strategy):
+            place = f"Z {worst[0]:.1f} mm: {forecast_um(worst[1]):.1f} um"
+            rows.append((text("preview.worst", strategy=strategy), place))
     return [
         *rows,
         (text("preview.grip"), f"{seen.grip_margin_n:.0f} N"),

@@ -276,12 +276,16 @@ def _read_files(path: Path, others: tuple[Path, ...]) -> tuple[bytes, tuple[Trac
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FiledSections:
-    """The sections of a file at the angles of the file, in the job's Z; `trace` is the one at `section_z_mm`."""
+    """The sections of a file at the angles of the file, in the job's Z; `trace` is the one at `section_z_mm`.
+
+    `whole` is their form over the length, None where they do not tell it.
+    """
 
     content: bytes = field(repr=False)
     sections: tuple[TraceSection, ...]
     trace: Trace
     section_z_mm: float | None
+    whole: CylinderResult | None
 
 
 def read_section_file(path: Path, job: Job) -> FiledSections:
@@ -308,12 +312,24 @@ def read_section_file(path: Path, job: Job) -> FiledSections:
         sections=tuple(sorted(sections, key=lambda each: each.z_mm or 0.0)),
         trace=filed[place].trace,
         section_z_mm=heights_mm[place],
+        whole=whole_of([replace(each, trace=fold_turns(each.trace, header)[0]) for each in sections], job),
     )
 
 
 def _middle_of(heights_mm: Sequence[float | None], job: Job) -> int:
     """Return which section is the nearest to the middle of the cut."""
     return min(range(len(heights_mm)), key=lambda at: abs((heights_mm[at] or 0.0) - middle_mm(job)))
+
+
+def whole_of(sections: Sequence[TraceSection], job: Job) -> CylinderResult | None:
+    """Return the form over the length by sections of one turn; None where they are of too little of it."""
+    if _too_short(_span_mm(sections), job):
+        return None
+    return measured_whole([part_section(each) for each in sections if each.z_mm is not None])
+
+
+def _span_mm(sections: Sequence[TraceSection]) -> float:
+    return float(np.ptp([each.z_mm for each in sections if each.z_mm is not None] or [0.0]))
 
 
 def _judge(found: EvaluatedPart, turns: Sequence[tuple[float | None, Trace]], job: Job) -> EvaluatedPart:
@@ -327,14 +343,13 @@ def _judge(found: EvaluatedPart, turns: Sequence[tuple[float | None, Trace]], jo
             )
     others = [(z, each) for (z, _), each in zip(turns, results, strict=True) if each is not results[found.place]]
     warnings = tuple(replace(each, where=f"Z {z:g} mm") for z, result in others for each in result.warnings)
-    sections = [part_section(each) for each in found.sections if each.z_mm is not None]
-    short = _too_short(float(np.ptp([each.z_mm for each in sections] or [0.0])), job)
-    whole = None if short else measured_whole(sections)
+    sections = [each.z_mm for each in found.sections if each.z_mm is not None]
+    whole = whole_of(found.sections, job)
     if others and len(sections) < LEAST_SECTIONS:
         value, limit = str(len(turns)), f">= {LEAST_SECTIONS}"
         warnings += (Problem(code="trace.few_sections", key=HEIGHT, value=value, limit=limit),)
     elif others:
-        warnings += short
+        warnings += _too_short(_span_mm(found.sections), job)
     result = turn_result_to_spindle(results[found.place], header, job.jaw_1_deg)
     trace = found.trace
     problems = unit_doubt(result.ront_um, trace.meta, plane=trace.centre_mm is not None)

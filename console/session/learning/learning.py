@@ -35,12 +35,11 @@ from console.session.stages import Stage, nominal_path
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
 from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
-from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from profiles.axis.friction import held_back_um
 from profiles.compensations.axial_learning import AxialHistory, AxialRules, axial_steps, fit_axial
 from profiles.compensations.causes import OVAL
-from profiles.compensations.certificate import PROCESS_GAINS, CertifiedOrder
+from profiles.compensations.certificate import PROCESS_GAINS, CertifiedOrder, certify_push, refuse_orders
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
     SIGNIFICANT,
@@ -58,7 +57,7 @@ from profiles.compensations.path import AlongCut, CutPath
 from profiles.compensations.push import NO_PUSH, Push
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 from profiles.roundness import RoundnessResult
 from profiles.trace_files.sections import TraceSection
 from profiles.traces import Trace
@@ -89,14 +88,23 @@ def learn(
 
     Raises:
         ProblemError: `learning.no_gauge`, `learning.strategy`; why a part cannot be learned from, as for a single
-            one; what went wrong, see `cut_part`.
+            one; what went wrong, see `cut_part`. A later part whose path is refused ends the series: `ended`.
     """
     refuse_unlearnable(plan, measured=True)
     how = how or HOW
     learner = _Learner(plan, open_machine(), tell, replace(how, fingerprint=fingerprint or how.fingerprint))
     before, floor = learner.reference(), learner.floor()
     learner.in_air()
-    made = tuple(learner.part(number) for number in range(1, parts + 1))
+    made: list[LearnedPart] = []
+    ended: tuple[Problem, ...] = ()
+    while len(made) < parts and not ended:
+        try:
+            made.append(learner.part(len(made) + 1))
+        except _RefusedPathError as refused:
+            if not made:
+                raise
+            made[-1] = replace(made[-1], learned=(), certificate=refuse_orders(made[-1].certificate))
+            ended = (Problem(code="learning.ended", key=str(len(made) + 1), limit=str(parts)), *refused.problems)
     return LearnResult(
         plan=plan,
         simulated=True,
@@ -106,8 +114,13 @@ def learn(
         collisions=tuple(dict.fromkeys(kind for each in made for kind in each.collisions)),
         whole=made[-1].whole,
         floor=floor,
-        parts=made,
+        parts=tuple(made),
+        ended=ended,
     )
+
+
+class _RefusedPathError(SessionError):
+    """The next cut cannot be planned with the path as learned; nothing was sent."""
 
 
 def refuse_unlearnable(plan: RunPlan, *, measured: bool) -> None:
@@ -117,11 +130,15 @@ def refuse_unlearnable(plan: RunPlan, *, measured: bool) -> None:
         SessionError: `learning.strategy`, only a table can be learned; `learning.no_gauge`, no gauge measures
             the parts between two cuts.
     """
-    if not plan.cut.strategy.traits.trims or plan.reference is None:
-        strategy = plan.cut.strategy.value
-        raise SessionError(Problem(code="learning.strategy", value=strategy, limit=", ".join(TRIMMED)))
+    refuse_untrimmed(plan.cut.strategy, driven=plan.reference is not None)
     if not measured:
         raise SessionError(Problem(code="learning.no_gauge"))
+
+
+def refuse_untrimmed(strategy: Strategy, *, driven: bool = True) -> None:
+    """Refuse a strategy that cannot be learned, or a spindle not `driven` by it: `learning.strategy`."""
+    if not (strategy.traits.trims and driven):
+        raise SessionError(Problem(code="learning.strategy", value=strategy.value, limit=", ".join(TRIMMED)))
 
 
 NEEDED_NOTHING = 4
@@ -239,9 +256,9 @@ class _Learner:
     def _first_air_pass(self) -> HarmonicFit:
         try:
             return self._air_pass()
-        except DriverError as error:
+        except _RefusedPathError as error:
             # A limit exceeded here is the axis's own, for nothing else was measured yet.
-            own = {"path.beyond": "learning.axis_beyond"}
+            own = {"learning.beyond": "learning.axis_beyond"}
             problems = (replace(each, code=own.get(each.code, each.code)) for each in error.problems)
             raise SessionError(*problems) from error
 
@@ -379,7 +396,8 @@ class _Learner:
         self._path = learned_part(kept, part, tool, self._response, gain, steps).add_push(push.um)
         orders.step(path, self._path)
         certificate = orders.certificate(left, found, tool_off, gains, self._watch.frozen_orders)
-        return tuple(sorted({*high, *missed})), (*certificate, *self._learn_along(sections, push))
+        rows = (*certificate, *self._learn_along(sections, push), *certify_push(push.um))
+        return tuple(sorted({*high, *missed})), rows
 
     def _learn_along(self, sections: Sequence[TraceSection], push: Push) -> tuple[CertifiedOrder, ...]:
         """Put what the sections of the part show along the cut into the path; return the certificate of it."""
@@ -453,9 +471,14 @@ class _Learner:
         if self._homed:
             turn = round(self._context.lathe.snapshot().spindle.position / self._machine.spindle.counts_per_rev)
         watchdog = self._plan.cut.setup.watchdog
-        plan = plan_stage(
-            job, self._machine, strategy, stage, path, watchdog=watchdog, from_turn=turn, trimmed=trimmed
-        )
+        try:
+            plan = plan_stage(
+                job, self._machine, strategy, stage, path, watchdog=watchdog, from_turn=turn, trimmed=trimmed
+            )
+        except ProblemError as error:
+            own = {"path.beyond": "learning.beyond"}
+            problems = (replace(each, code=own.get(each.code, each.code)) for each in error.problems)
+            raise _RefusedPathError(*problems) from error
         self._along = plan.target.along
         return plan
 

@@ -47,7 +47,14 @@ from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.grip import force_sd_n, lobe_um_per_n
 from profiles.compensations.axial_learning import fit_axial
 from profiles.compensations.causes import Cause, causes
-from profiles.compensations.certificate import ToolResponse, is_promised, promised_orders
+from profiles.compensations.certificate import (
+    OrderStatus,
+    ToolResponse,
+    certify_push,
+    is_promised,
+    promised_orders,
+    refuse_orders,
+)
 from profiles.compensations.learned_compensation import (
     MODEL,
     LearnedCompensation,
@@ -187,12 +194,15 @@ def learn_from_part(
     how |= {"in_phase": not strategy.traits.by_table, "known_within": known_within(filed, machine.machine)}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
     step = _mark_repeated_trace(_compensate_push(step, push_um), known)
+    harmonics = tuple(_left_harmonic(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned}))
+    if step.reasons:
+        step = replace(step, learned=(), certificate=refuse_orders(step.certificate))
     return LearningOutcome(
         step=step,
         made=made,
         stage=stage,
         warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
-        harmonics=tuple(_left_harmonic(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
+        harmonics=harmonics,
         causes=causes(part, cut, filed, tool_um=cut.tool_um, placed=part.is_placed),
     )
 
@@ -231,12 +241,14 @@ def parts_along(
 
 def _compensate_push(step: LearningStep, push_um: float) -> LearningStep:
     """Return a step whose path makes up for so much more push; if no cut takes that, the step with a warning."""
-    path = step.next.path.add_push(push_um)
+    path, rows = step.next.path.add_push(push_um), step.certificate
     if (most_um := abs(path.command.push_um)) <= MOST_MEAN_UM:
-        return replace(step, next=replace(step.next, path=path))
+        certificate = (*rows, *certify_push(push_um))
+        return replace(step, next=replace(step.next, path=path), certificate=certificate)
     value, limit = f"{most_um:.1f} um", f"<= {MOST_MEAN_UM:.1f} um"
     beyond = Problem(code="learned.push_beyond", value=value, limit=limit)
-    return replace(step, warnings=(*step.warnings, beyond))
+    refused = certify_push(push_um, OrderStatus.REFUSED)
+    return replace(step, warnings=(*step.warnings, beyond), certificate=(*rows, *refused))
 
 
 def _mark_repeated_trace(step: LearningStep, known: tuple[LearnedCompensation, ...]) -> LearningStep:

@@ -55,11 +55,15 @@ class LearnedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnResult(RunResult):
-    """A run of several parts, whose last is that of `after`; `floor` is a part without a lobe."""
+    """A run of several parts, whose last is that of `after`; `floor` is a part without a lobe.
+
+    `ended` is why the path of a further part was refused, and the series ended before it.
+    """
 
     before: RoundnessResult
     floor: RoundnessResult
     parts: tuple[LearnedPart, ...]
+    ended: tuple[Problem, ...] = ()
 
     @property
     def own_orders(self) -> tuple[CertifiedOrder, ...]:
@@ -74,7 +78,7 @@ class LearnResult(RunResult):
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """Return implausible readings, and orders that were not learned.
+        """Return why the series has `ended`, implausible readings, and orders that were not learned.
 
         Fingerprints that chance hardly explains: `learning.surprise`; harmonics: `learning.grew`; parts that
         needed more trim: `learning.trim_short`; a last part that is not certainly rounder than the first:
@@ -82,6 +86,7 @@ class LearnResult(RunResult):
         """
         grown = map(_grew, self.parts[-1].grown)
         return (
+            *self.ended,
             *_find_doubtful_fingerprints(self.parts),
             *grown,
             *_short_of_trim(self.parts),

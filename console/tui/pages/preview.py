@@ -51,6 +51,7 @@ from profiles.files import printable
 from profiles.findings import Finding, Severity
 from profiles.forecast import LEAST_FORECAST_UM, forecast_um, is_below_forecast
 from profiles.job import NO_LOBE, Job
+from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -335,7 +336,6 @@ class PreviewPage(ChartPage):
         self._speeds = SpeedLimits()
         self._in_full: tuple[tuple[Work, bool, int], list[Line]] | None = None
         self._drawn: tuple[PartialPreview, Strategy] | None = None
-        self._roundness.border_title = text("preview_page.roundness")
         self._roundness.border_subtitle = text("preview_page.roundness_as")
         self._strategy.border_title = text("preview_page.strategies")
         self._path.border_title = text("preview_page.path")
@@ -506,6 +506,9 @@ class PreviewPage(ChartPage):
         width, window = max(self._caption.size.width, 1), window_words(seen.job, seen.machine, self.ui.text)
         caption = preview_lines.roundness_caption(seen, strategy, alignment, scale, text, width, band)
         self._caption.show(caption)
+        self._roundness.border_title = text(
+            "preview_page.roundness", z=text.units.show(middle_mm(seen.job), "mm", 1)
+        )
         self._worst.show([preview_lines.worst_line(seen, strategy, text)])
         self._strategy.show(preview_lines.strategy_lines(seen, strategy, text, *self._strategy.size))
         needs = preview_lines.margins(seen, strategy, text.units)

@@ -85,6 +85,14 @@ def left_words(seen: PartialPreview, strategy: Strategy, units: Units) -> str:
     return units.figure(forecast_um(left_um), "um", 1)
 
 
+def worst_words(seen: PartialPreview, strategy: Strategy, units: Units) -> str:
+    """Return the forecast roundness of the section that is left least round, a number."""
+    found, left = worst_section(seen, strategy), left_words(seen, strategy, units)
+    if found is None or left == NOTHING:
+        return NOTHING if left == NOTHING else UNKNOWN
+    return units.figure(forecast_um(found[1]), "um", 1)
+
+
 def calculated_um(seen: PartialPreview, strategy: Strategy) -> float | None:
     """Return what is calculated to be left, by the part that the path was learned from or by the model, um p-p."""
     expected, made = by_part(seen, strategy), seen.predictions.get(strategy)
@@ -272,7 +280,7 @@ def _left_on_part(seen: PartialPreview, strategy: Strategy, chosen: Strategy, te
         words = text("preview_page.needs_lobe") if strategy.traits.follows_lobe else "?"
         return justify_line(left, line((f" {words}", Token.DIM)), width)
     return justify_line(
-        left, line((f" {left_words(seen, strategy, text.units)} {text.units.unit('um')}", token)), width
+        left, line((f" {worst_words(seen, strategy, text.units)} {text.units.unit('um')}", token)), width
     )
 
 

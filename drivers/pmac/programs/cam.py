@@ -28,10 +28,11 @@ from drivers.pmac.language.text import format_number
 from drivers.pmac.programs import hold
 from drivers.pmac.programs.cam_trim import TRIM_VALUES, TRIMMED_CUT, trim_segment_ms, trim_values
 from drivers.pmac.programs.push import with_push
-from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S, RUN_DOWN, RUN_UP, SPINDLE_STEP
+from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, RUN_DOWN, RUN_UP, SPINDLE_STEP
 from drivers.pmac.programs.setup import SERVO, CutSetup, cut_values, refuse_endless
 from profiles.compensations.path import PLACES_ALONG, LobedPath, chord_error, chord_scale
 from profiles.job import Job
+from profiles.lobe.moving_out import out_ms
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
@@ -207,7 +208,7 @@ def cam_program(
     segment_ms = max(1, min(longest_ms, math.floor(turn_ms)))
     refuse_endless(setup.whole_turns * turn_ms / segment_ms)
     way_mm = (cam.mean - setup.retracted) * setup.tool_count_um / 1000.0
-    approach_ms = math.ceil(1.5 * way_mm / OUT_SPEED_MM_S * 1000.0)
+    approach_ms = math.ceil(out_ms(way_mm))
     out_segments = math.ceil(approach_ms / segment_ms)
     before = setup.counts_per_turn / turn_ms * (HALF_RUN_UP_MS + approach_ms)
     values = {

@@ -29,6 +29,7 @@ from drivers.pmac.programs.push import with_push
 from drivers.pmac.programs.setup import CutSetup, cut_values, refuse_endless
 from profiles.compensations.path import LobedPath
 from profiles.job import Job
+from profiles.lobe import moving_out
 
 SPINDLE_STEP = " Y(P28+P16*P25):(P17)"  # The statement that moves the spindle in a segment
 
@@ -147,7 +148,6 @@ INTERPOLATION_LIMIT_UM = 0.05  # Permitted deviation of the cubics between the p
 
 LONGEST_SEGMENT_MS = 8
 HALF_RUN_UP_MS = 500
-OUT_SPEED_MM_S = 10.0
 SETTLE_MS = 400
 """Time in which the amplitude grows to its full value, clear of the part."""
 
@@ -259,7 +259,7 @@ def longest_segment_ms(command: LobedPath, frequency_hz: float) -> int:
 def out_ms(setup: CutSetup) -> int:
     """Return how long the tool takes between its mean depth and its retracted position, at its peak speed, ms."""
     way_mm = (setup.surface + setup.depth - setup.retracted) * setup.tool_count_um / 1000.0
-    return math.ceil(1.5 * way_mm / OUT_SPEED_MM_S * 1000.0)
+    return math.ceil(moving_out.out_ms(way_mm))
 
 
 def pvt_timing(job: Job, setup: CutSetup, command: LobedPath) -> PvtTiming:
