@@ -353,7 +353,8 @@ _TRAJECTORIES: tuple[Mutation, ...] = (
     ),
 )
 
-PATH, SERVO, GRIP = "profiles/compensations/path.py", "profiles/axis/servo.py", "profiles/chucking/grip.py"
+PATH, GRIP = "profiles/compensations/path.py", "profiles/chucking/grip.py"
+SERVO, LOOP = "profiles/axis/servo.py", "profiles/axis/sampled_loop.py"
 COMPENSATION = "tests/profiles/test_compensation.py"
 _SCIENCE: tuple[Mutation, ...] = (
     Mutation(
@@ -379,16 +380,16 @@ _SCIENCE: tuple[Mutation, ...] = (
     ),
     Mutation(
         rule="The output of the sampled loop acts one period late.",
-        file=SERVO,
-        old="plant = _held_plant(machine, z, period_s) / z",
-        new="plant = _held_plant(machine, z, period_s)",
+        file=LOOP,
+        old="complexes(held / z * np.exp(-2j * np.pi * hz * self.plant.delay_s))",
+        new="complexes(held * np.exp(-2j * np.pi * hz * self.plant.delay_s))",
         test="tests/profiles/test_margins.py::test_the_sampled_loop_is_its_difference_equation",
     ),
     Mutation(
         rule="The derivative of the sampled loop is a backward difference.",
-        file=SERVO,
-        old="slope = (1 - 1 / z) / period_s",
-        new="slope = (z - 1) / period_s",
+        file=LOOP,
+        old="return complexes((1.0 - 1.0 / z) / self.period_s)",
+        new="return complexes((z - 1.0) / self.period_s)",
         test="tests/profiles/test_margins.py::test_the_sampled_loop",
     ),
     Mutation(

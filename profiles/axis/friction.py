@@ -8,14 +8,11 @@ the tool, independent of the command, so inverting the tool's response neither a
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from profiles.arrays import Complexes, floats
-from profiles.axis.servo import sampled_response
-from profiles.axis.servo_gains import gains_from_variables
+from profiles.axis.sampled_loop import loop_of
+from profiles.axis.stiffness import compliance_um_per_n
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
@@ -23,23 +20,6 @@ ASSUMED_FRICTION_N = 5.0  # assumed dry friction of an unmeasured tool: roller g
 USUAL_FRICTION_N = 3.5  # the middle of those
 HARMONICS = (1, 3, 5)
 """Multiples of the lobe that count: the fifth has a hundredth of the first, as only the mass resists it."""
-
-
-def sampled_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> Complexes:
-    """Return the sampled loop's compliance, um/N, in the shape of `frequency_hz`; a lag is a negative phase.
-
-    Like `tool_compliance_um_per_n` for the sampled loop, which acts one period late: G_d = S / (M s^2 + B s) with
-    its sensitivity S = 1 / (1 + L). Frequencies above 0 and far below Nyquist.
-    """
-    gains = gains_from_variables(machine)
-    bare = replace(gains, velocity_feedforward_v_s_per_m=0.0, acceleration_feedforward_v_s2_per_m=0.0)
-    tool, period_s = machine.tool, machine.controller.servo_period_ms / 1000
-    s = 2j * np.pi * floats(frequency_hz)
-    slope = (1 - np.exp(-s * period_s)) / period_s
-    ahead = gains.kp_v_per_m + gains.ki_v_per_m_s / slope
-    # Without feedforward the response is L ahead / back / (1 + L), so that S follows from it.
-    sensitivity = 1 - sampled_response(machine, frequency_hz, bare) * (1 + gains.kd_v_s_per_m * slope / ahead)
-    return np.asarray(1e6 * sensitivity / (tool.moving_mass_kg * s**2 + tool.damping_n_s_per_m * s))
 
 
 def friction_um_pp(
@@ -51,8 +31,8 @@ def friction_um_pp(
     damping, which the inverse corrects; this is not subtracted: 9 % at 27.5 um and 50 Hz.
     """
     multiples = np.array(HARMONICS, dtype=np.float64)
-    compliance = np.abs(sampled_compliance_um_per_n(machine, multiples * lobe_frequency_hz))
-    return min(float(np.sum(8.0 * friction_n / (math.pi * multiples) * compliance)), path_um_pp)
+    found = compliance_um_per_n(loop_of(machine), machine.tool.loop_gain_n_per_v, multiples * lobe_frequency_hz)
+    return min(float(np.sum(8.0 * friction_n / (math.pi * multiples) * np.abs(found))), path_um_pp)
 
 
 def held_back_um(machine: MachineProfile, job: Job, order: int) -> float:
@@ -64,5 +44,6 @@ def held_back_um(machine: MachineProfile, job: Job, order: int) -> float:
     multiple, rest = divmod(order, job.jaws)
     if rest or multiple % 2 == 0:
         return 0.0
-    compliance = complex(sampled_compliance_um_per_n(machine, order * job.spindle_speed_rpm / 60.0))
+    frequency_hz, thrust = order * job.spindle_speed_rpm / 60.0, machine.tool.loop_gain_n_per_v
+    compliance = complex(compliance_um_per_n(loop_of(machine), thrust, frequency_hz))
     return 4.0 * ASSUMED_FRICTION_N / (math.pi * multiple) * abs(compliance)

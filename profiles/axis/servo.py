@@ -8,14 +8,15 @@ Eq 9 are converted into each other, so that the inverse which is commanded is th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from profiles.arrays import Complexes, Floats, complexes, floats
-from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables
+from profiles.axis.sampled_loop import loop_of
+from profiles.axis.servo_gains import PidGains, eq9_gains
 from profiles.machine import MachineProfile
 
 _HALF_POWER_DB = 20 * math.log10(1 / math.sqrt(2))
@@ -89,27 +90,11 @@ def _summary(numerator: tuple[float, ...], denominator: tuple[float, ...]) -> Eq
 def sampled_response(machine: MachineProfile, frequency_hz: ArrayLike, gains: PidGains | None = None) -> Complexes:
     """Return the response of the sampled loop, in the shape of `frequency_hz` (above 0, below Nyquist).
 
-    The plant M s^2 + B s follows a zero-order hold of one servo period, derivatives are backward
-    differences, and the output acts one period late, through the notch filter. Without `gains` they are those
-    of the controller's variables. At 0 Hz the value is 1.
+    It is that of `profiles.axis.sampled_loop`; without `gains` they are those of the controller's variables. At
+    0 Hz the value is 1.
     """
-    gains = gains_from_variables(machine) if gains is None else gains
-    period_s = machine.controller.servo_period_ms / 1000
-    frequency = floats(frequency_hz)
-    # The integrator has a pole at 0 Hz; a microhertz replaces it.
-    z = np.exp(2j * np.pi * np.where(frequency == 0, 1e-6, frequency) * period_s)
-    slope = (1 - 1 / z) / period_s
-    shared = gains.kp_v_per_m + gains.ki_v_per_m_s / slope
-    plant = _held_plant(machine, z, period_s) / z
-    if gains.notch:
-        plant = plant * gains.notch.response_at(z)
-    ahead = (
-        shared
-        + gains.velocity_feedforward_v_s_per_m * slope
-        + gains.acceleration_feedforward_v_s2_per_m * slope**2
-    )
-    back = shared + gains.kd_v_s_per_m * slope
-    return complexes(plant * ahead / (1 + plant * back))
+    loop = loop_of(machine)
+    return (loop if gains is None else replace(loop, gains=gains)).closed_loop(frequency_hz)
 
 
 def tool_compliance_um_per_n(machine: MachineProfile, frequency_hz: ArrayLike) -> Complexes:
@@ -181,16 +166,3 @@ def _eq9_polynomials(machine: MachineProfile) -> tuple[list[float], list[float]]
     if gains.ki_v_per_m_s == 0:  # the common factor s, which would make 0 Hz undefined
         return numerator[:-1], denominator[:-1]
     return numerator, denominator
-
-
-def _held_plant(machine: MachineProfile, z: Complexes, period_s: float) -> Complexes:
-    """Return Ka Kt / (M s^2 + B s) after a zero-order hold, in m/V."""
-    tool = machine.tool
-    gain, mass, damping = tool.loop_gain_n_per_v, tool.moving_mass_kg, tool.damping_n_s_per_m
-    x = damping * period_s / mass
-    if x < 1e-6:  # the differences below would cancel; the plant is a double integrator
-        return np.asarray(gain * period_s**2 / (2 * mass) * (z + 1) / (z - 1) ** 2)
-    decay = math.exp(-x)
-    lost = -math.expm1(-x) / x
-    numerator = gain / damping * period_s * ((1 - lost) * z + (lost - decay))
-    return np.asarray(numerator / ((z - 1) * (z - decay)))

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from profiles.arrays import Floats, floats
+from profiles.arrays import Complexes, complexes, floats
 from profiles.axis.sampled_loop import SampledLoop
 from profiles.machine import MachineProfile
 
@@ -51,23 +51,23 @@ def tripping_friction_n(stiffness: LobeStiffness, error_limit_um: float) -> floa
     return error_limit_um / (2.0 * stiffness.most_um_per_n)
 
 
-def compliance_um_per_n(loop: SampledLoop, thrust_n_per_v: float, frequency_hz: ArrayLike) -> Floats:
-    """Return |G_d| at these frequencies, above 0 and below half the sampling rate."""
+def compliance_um_per_n(loop: SampledLoop, thrust_n_per_v: float, frequency_hz: ArrayLike) -> Complexes:
+    """Return G_d at these frequencies, above 0 and below half the sampling rate; a lag is a negative phase."""
     hz = floats(frequency_hz)
     s, plant = 2j * np.pi * hz, loop.plant
     free = plant.acceleration_per_v / thrust_n_per_v / (s * (s + plant.damping_per_s))
-    return floats(1e6 * np.abs(free / (1.0 + loop.open_loop(hz))))
+    return complexes(1e6 * free / (1.0 + loop.open_loop(hz)))
 
 
 def lobe_stiffness(loop: SampledLoop, thrust_n_per_v: float, lobe_hz: float) -> LobeStiffness:
     """Return the compliance at the lobe and its multiples, as far as the loop has a response there."""
     hz = tuple(n * lobe_hz for n in LOBE_MULTIPLES if n * lobe_hz < loop.nyquist_hz)
     grid = floats(np.geomspace(_LOWEST_HZ, loop.nyquist_hz, _POINTS))
-    around = compliance_um_per_n(loop, thrust_n_per_v, grid)
+    around = np.abs(compliance_um_per_n(loop, thrust_n_per_v, grid))
     place = int(np.argmax(around))
     return LobeStiffness(
         hz=hz,
-        um_per_n=tuple(compliance_um_per_n(loop, thrust_n_per_v, hz).tolist()),
+        um_per_n=tuple(np.abs(compliance_um_per_n(loop, thrust_n_per_v, hz)).tolist()),
         most_um_per_n=float(around[place]),
         most_hz=float(grid[place]),
     )

