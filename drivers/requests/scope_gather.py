@@ -10,13 +10,15 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import ControllerError, DriverError
+from drivers.lathe.lengths import motor_of
+from drivers.lathe.snapshot import AxisName
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.gathering.gather_client import SPARE_LONG_WORDS, DataGathering, GatheredData, GatherPlan
@@ -59,14 +61,6 @@ class ScopeProgress:
     tries: int = 0
 
 
-class ScopeAxis(StrEnum):
-    """Axes of the machine, in the words of its profile."""
-
-    TOOL = "tool"
-    SPINDLE = "spindle"
-    CARRIAGE = "carriage"
-
-
 class MotorRegister(StrEnum):
     """Registers of a motor that can be gathered, by the names of the families' tables."""
 
@@ -91,7 +85,7 @@ class ScopeTrigger(StrEnum):
 class Channel:
     """One register of one axis; `key` is its name in files."""
 
-    axis: ScopeAxis
+    axis: AxisName
     quantity: MotorRegister
 
     @property
@@ -104,20 +98,20 @@ class Channel:
         """Its unit in files."""
         if self.quantity is MotorRegister.OUTPUT:
             return "V"
-        unit = "rad" if self.axis is ScopeAxis.SPINDLE else "m"
+        unit = "rad" if self.axis is AxisName.SPINDLE else "m"
         return f"{unit}/s" if self.quantity is MotorRegister.VELOCITY else unit
 
 
 CHANNELS = tuple(
     Channel(axis, quantity)
     for axis, quantities in (
-        (ScopeAxis.TOOL, tuple(MotorRegister)),
-        (ScopeAxis.SPINDLE, (MotorRegister.ACTUAL, MotorRegister.FOLLOWING_ERROR, MotorRegister.VELOCITY)),
-        (ScopeAxis.CARRIAGE, (MotorRegister.ACTUAL, MotorRegister.FOLLOWING_ERROR, MotorRegister.VELOCITY)),
+        (AxisName.TOOL, tuple(MotorRegister)),
+        (AxisName.SPINDLE, (MotorRegister.ACTUAL, MotorRegister.FOLLOWING_ERROR, MotorRegister.VELOCITY)),
+        (AxisName.CARRIAGE, (MotorRegister.ACTUAL, MotorRegister.FOLLOWING_ERROR, MotorRegister.VELOCITY)),
     )
     for quantity in quantities
 )
-ANGLE = Channel(ScopeAxis.SPINDLE, MotorRegister.ACTUAL)
+ANGLE = Channel(AxisName.SPINDLE, MotorRegister.ACTUAL)
 
 
 def channel_of(key: str) -> Channel:
@@ -133,16 +127,16 @@ class ScopeSetup:
     """What is gathered. `level` is in the display unit of `level_of`, for a trigger on a level."""
 
     channels: tuple[Channel, ...] = (
-        Channel(ScopeAxis.TOOL, MotorRegister.COMMANDED),
-        Channel(ScopeAxis.TOOL, MotorRegister.ACTUAL),
-        Channel(ScopeAxis.TOOL, MotorRegister.FOLLOWING_ERROR),
+        Channel(AxisName.TOOL, MotorRegister.COMMANDED),
+        Channel(AxisName.TOOL, MotorRegister.ACTUAL),
+        Channel(AxisName.TOOL, MotorRegister.FOLLOWING_ERROR),
         ANGLE,
     )
     period_cycles: int = 2
     length_s: float = 0.5
     trigger: ScopeTrigger = ScopeTrigger.NOW
     level: float = 0.0
-    level_of: Channel = Channel(ScopeAxis.TOOL, MotorRegister.FOLLOWING_ERROR)
+    level_of: Channel = Channel(AxisName.TOOL, MotorRegister.FOLLOWING_ERROR)
 
     def samples(self, cycle_ms: float) -> int:
         """Return the number of samples."""
@@ -154,19 +148,13 @@ class ScopeSetup:
         return self.samples(cycle_ms) * ((words + 1) // 2)
 
 
-def motor_of(axis: ScopeAxis, machine: MachineProfile) -> int:
-    """Return the number of the motor of an axis."""
-    motors = {ScopeAxis.TOOL: machine.tool.motor, ScopeAxis.SPINDLE: machine.spindle.motor}
-    return motors.get(axis, machine.carriage.motor)
-
-
 def si_per_count(channel: Channel, machine: MachineProfile) -> float:
     """Return metres or radians per count of the encoder of an axis, or volts per bit of the output."""
     if channel.quantity is MotorRegister.OUTPUT:
         return machine.tool.v_per_bit
-    if channel.axis is ScopeAxis.SPINDLE:
+    if channel.axis is AxisName.SPINDLE:
         return 6.283185307179586 / machine.spindle.counts_per_rev
-    axis = machine.tool if channel.axis is ScopeAxis.TOOL else machine.carriage
+    axis = machine.tool if channel.axis is AxisName.TOOL else machine.carriage
     return 1e-3 / axis.counts_per_mm
 
 
@@ -184,7 +172,7 @@ _DISPLAY = {  # unit, and how many of it are one SI unit
 
 def display_of(channel: Channel) -> tuple[str, float]:
     """Return the unit in which a channel is shown, and how many of it are one SI unit."""
-    return _DISPLAY[channel.axis is ScopeAxis.SPINDLE, channel.quantity]
+    return _DISPLAY[channel.axis is AxisName.SPINDLE, channel.quantity]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -245,7 +233,7 @@ class Scope:
                 return record
             place = crossing(record.values[setup.level_of] * display_of(setup.level_of)[1], setup)
             if place is not None:
-                return _shift_record(record, place)
+                return replace(record, times_s=record.times_s - record.times_s[place])
 
     def _await_start(self, setup: ScopeSetup, *, loaded: bool) -> None:
         """Wait for the cut: until it is loaded, which takes the gather buffer, or until its program runs."""
@@ -262,7 +250,7 @@ class Scope:
             raise self._gather_error("scope.too_long", str(words), f"<= {MOST_LONG_WORDS}")
         if not self._ours and self._gathering.running():
             raise self._gather_error("scope.in_use")
-        names = [f"#{motor_of(each.axis, self._machine)} {each.quantity}" for each in setup.channels]
+        names = [f"#{motor_of(self._machine, each.axis)} {each.quantity}" for each in setup.channels]
         channels = self._gathering.motor_channels(*names)
         plan = self._gathering.prepare(channels, setup.samples(cycle_ms), setup.period_cycles)
         self._ours = True
@@ -356,14 +344,3 @@ def crossing(values: Floats, setup: ScopeSetup) -> int | None:
     beyond = values > setup.level if setup.trigger is ScopeTrigger.RISING else values < setup.level
     places = np.flatnonzero(beyond[1:] & ~beyond[:-1])
     return int(places[0]) + 1 if places.size else None
-
-
-def _shift_record(record: ScopeRecord, place: int) -> ScopeRecord:
-    """Return a record whose time counts from one of its samples."""
-    return ScopeRecord(
-        machine=record.machine,
-        taken=record.taken,
-        trigger=record.trigger,
-        times_s=record.times_s - record.times_s[place],
-        values=record.values,
-    )

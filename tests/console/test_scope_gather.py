@@ -28,7 +28,6 @@ from drivers.requests.scope_gather import (
     ANGLE,
     Channel,
     MotorRegister,
-    ScopeAxis,
     ScopeRecord,
     ScopeSetup,
     ScopeTrigger,
@@ -246,9 +245,9 @@ def test_the_trace_keeps_polls_apart_and_joins_what_belongs_together() -> None:
     assert [each.text for each in whole if each.poll] == ["P10=3 #1P F ?\r", "1\r2\r", "3\r\x06"]
 
 
-CARRIAGE = Channel(ScopeAxis.CARRIAGE, MotorRegister.ACTUAL)
-SPEED = Channel(ScopeAxis.CARRIAGE, MotorRegister.VELOCITY)
-TOOL = Channel(ScopeAxis.TOOL, MotorRegister.COMMANDED)
+CARRIAGE = Channel(AxisName.CARRIAGE, MotorRegister.ACTUAL)
+SPEED = Channel(AxisName.CARRIAGE, MotorRegister.VELOCITY)
+TOOL = Channel(AxisName.TOOL, MotorRegister.COMMANDED)
 
 
 @pytest.fixture(params=["pmac", "turbo"])

@@ -22,7 +22,8 @@ from console.session.stages import Stage
 from console.tui.further.scope import FOLDER as SCOPE_RECORDS
 from console.tui.further.scope import record_text
 from console.tui.pages.records import RecordsPage
-from drivers.requests.scope_gather import ANGLE, Channel, MotorRegister, ScopeAxis, ScopeRecord, ScopeTrigger
+from drivers.lathe.snapshot import AxisName
+from drivers.requests.scope_gather import ANGLE, Channel, MotorRegister, ScopeRecord, ScopeTrigger
 from profiles.calibration.table import parse_table
 from profiles.job import Job
 from profiles.store import job_text
@@ -185,7 +186,7 @@ def fill_calibrations(data: Path) -> None:
 
 SCOPE_NAME = "lee-2001-lathe-20260102T085000.000Z.csv"
 COMMANDED, ACTUAL, ERROR = (
-    Channel(ScopeAxis.TOOL, quantity)
+    Channel(AxisName.TOOL, quantity)
     for quantity in (MotorRegister.COMMANDED, MotorRegister.ACTUAL, MotorRegister.FOLLOWING_ERROR)
 )
 AMPLITUDE_M, ERROR_M, OMEGA = 27.5e-6, 3e-6, 2.0 * np.pi * 10.0
