@@ -28,7 +28,7 @@ from drivers.identification.request import (
     request_problems,
 )
 from drivers.identification.result import IdentifiedPoint, ResponseOrigin
-from drivers.identification.rig import Rig, card_problems, put_back, standing_problems
+from drivers.identification.rig import Rig, put_back, refuse_unready, standing_problems
 from drivers.identification.standstill import Standstill, link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.gathering.gather import GatherError
@@ -94,10 +94,22 @@ SCHEMA = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HealthMoves:
-    """Sizes of one test, um, and its times from the beginning of the step, s."""
+class HealthRequest:
+    """One test: the step, which is the amplitude of the sine as well, and sizes and times that follow from it.
 
-    step_um: float
+    Lengths in um; times from the beginning of the step, s.
+    """
+
+    step_um: float = AMPLITUDE_UM
+    sine_hz: float = SINE_HZ
+
+    @property
+    def sine(self) -> IdentificationRequest:
+        """The sine as an identification of one frequency."""
+        frequencies = (self.sine_hz,)
+        return IdentificationRequest(
+            path=Strategy.PVT, frequencies_hz=frequencies, amplitude_um=self.step_um, periods=SINE_PERIODS
+        )
 
     @property
     def parabola_um(self) -> float:
@@ -134,7 +146,7 @@ class HealthMoves:
         return max(step, self.parabola_um / HALF_MS**2)
 
 
-def health_text(machine: MachineProfile, word: ExcitedAxis, moves: HealthMoves, centre_counts: float) -> str:
+def health_text(machine: MachineProfile, word: ExcitedAxis, request: HealthRequest, centre_counts: float) -> str:
     """Return the program: cubic segments, a single short one for the step, four for the parabola, rests between.
 
     It waits before the first move until the host has begun to gather, and ends by itself; whoever ends it or stops
@@ -159,11 +171,11 @@ def health_text(machine: MachineProfile, word: ExcitedAxis, moves: HealthMoves, 
         text,
         machine,
         word,
-        step_um=moves.step_um,
-        far_um=moves.parabola_um,
-        step=word.length(moves.step_um / count_um),
-        far=word.length(moves.parabola_um / count_um),
-        speed=word.length(moves.parabola_um / count_um) / half_s,
+        step_um=request.step_um,
+        far_um=request.parabola_um,
+        step=word.length(request.step_um / count_um),
+        far=word.length(request.parabola_um / count_um),
+        speed=word.length(request.parabola_um / count_um) / half_s,
         centre=word.position(centre_counts),
         edge=EDGE_MS,
         half=HALF_MS,
@@ -171,61 +183,30 @@ def health_text(machine: MachineProfile, word: ExcitedAxis, moves: HealthMoves, 
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HealthRequest:
-    """One test: the step, which is the amplitude of the sine as well; the parabola is eight times as far."""
-
-    step_um: float = AMPLITUDE_UM
-    sine_hz: float = SINE_HZ
-
-    @property
-    def moves(self) -> HealthMoves:
-        """The moves of this size."""
-        return HealthMoves(step_um=self.step_um)
-
-    @property
-    def sine(self) -> IdentificationRequest:
-        """The sine as an identification of one frequency."""
-        frequencies = (self.sine_hz,)
-        return IdentificationRequest(
-            path=Strategy.PVT, frequencies_hz=frequencies, amplitude_um=self.step_um, periods=SINE_PERIODS
-        )
-
-
 def health_problems(request: HealthRequest, machine: MachineProfile) -> tuple[Problem, ...]:
     """Return everything that forbids this test on this machine; nothing is sent for it."""
-    return request_problems(request.sine, machine) or tuple(_find_travel_problems(request.moves, machine))
+    return request_problems(request.sine, machine) or tuple(_find_travel_problems(request, machine))
 
 
-def _find_travel_problems(moves: HealthMoves, machine: MachineProfile) -> Iterator[Problem]:
+def _find_travel_problems(request: HealthRequest, machine: MachineProfile) -> Iterator[Problem]:
     tool, motor = machine.tool, machine.tool.motor
     variables, per_mm = machine.controller.variables, machine.tool.counts_per_mm
-    speed, acceleration = moves.peak_speed_mm_per_s(), moves.peak_acceleration_m_per_s2()
+    speed, acceleration = request.peak_speed_mm_per_s(), request.peak_acceleration_m_per_s2()
     force_n = tool.moving_mass_kg * acceleration + tool.damping_n_s_per_m * speed / 1000.0
     for key, value, limit, unit in (
         (f"I{motor}16", speed * per_mm / 1000.0, variables[f"I{motor}16"], "counts/ms"),
         (f"I{motor}17", acceleration * per_mm / 1000.0, variables[f"I{motor}17"], "counts/ms2"),
-        (f"I{motor}11", moves.step_um, error_limit_um(machine), "um"),
+        (f"I{motor}11", request.step_um, error_limit_um(machine), "um"),
         ("tool.continuous_force_n", force_n, tool.continuous_force_n, "N"),
     ):
         if value >= limit:
             yield Problem(
                 code="health.beyond_drive", key=key, value=f"{value:.4g} {unit}", limit=f"< {limit:.4g} {unit}"
             )
-    clear_mm = clearance_mm(machine, moves.parabola_um)
+    clear_mm = clearance_mm(machine, request.parabola_um)
     if clear_mm < CLEAR_MM:
         value_, limit_ = f"{clear_mm:.3g} mm", f">= {CLEAR_MM:g} mm"
         yield Problem(code="identify.not_clear", key="tool", value=value_, limit=limit_)
-
-
-def refuse_health(rig: Rig, request: HealthRequest) -> None:
-    """Make sure that everything but the drives is ready.
-
-    Raises RefusedError: every reason why not; nothing has moved; DriverError: the link broke.
-    """
-    problems = health_problems(request, rig.machine) or card_problems(rig)
-    if problems:
-        raise RefusedError(*problems)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -313,7 +294,7 @@ def check_health(rig: Rig, request: HealthRequest, origin: ResponseOrigin, date:
     Raises as `identify`, and ProfileError: `health.no_step`.
     """
     settings = SettingsComparison(rig, origin)
-    refuse_health(rig, request)
+    refuse_unready(rig, health_problems(request, rig.machine))
     if problems := (*standing_problems(rig), *link_problems(rig, request.step_um)):
         raise RefusedError(*problems)
     gathering = read_gathering(rig.client, rig.dialect)
@@ -331,13 +312,13 @@ def check_health(rig: Rig, request: HealthRequest, origin: ResponseOrigin, date:
 
 def _run_moves(rig: Rig, request: HealthRequest) -> GatheredData:
     """Run step and parabola, and return the gathered data."""
-    moves, machine = request.moves, rig.machine
+    machine = rig.machine
     word = axis_word(machine, machine.tool.motor)
-    rig.lathe.program.load(read_program(health_text(machine, word, moves, 0.0)))
+    rig.lathe.program.load(read_program(health_text(machine, word, request, 0.0)))
     gathering = DataGathering(client=rig.client, dialect=rig.dialect)
     period_s = machine.controller.servo_period_ms / 1000.0
-    samples = math.ceil((LEAD_S - SETTLE_S + moves.end_s) / period_s) + SPARE_SAMPLES
-    sweep = Sweep(text="", steady_s=SETTLE_S, longest_s=moves.longest_s)
+    samples = math.ceil((LEAD_S - SETTLE_S + request.end_s) / period_s) + SPARE_SAMPLES
+    sweep = Sweep(text="", steady_s=SETTLE_S, longest_s=request.longest_s)
     try:
         plan = gathering.prepare(gathering.motor_channels(*_channels(machine)), samples)
         run_gathered(rig, sweep, plan, Standstill(rig, WATCHED_HZ, request.step_um))
@@ -358,14 +339,14 @@ def _result(
     date: str,
     sine: IdentifiedPoint,
 ) -> HealthResult:
-    count_um, moves = machine.tool.count_um, request.moves
+    count_um = machine.tool.count_um
     time_s = floats(data.times_ms / 1000.0)
     reference, position = (floats(data.values[name] * count_um) for name in _channels(machine))
     begin_s = _begin_s(time_s, reference, request.step_um)
     loop = loop_of(machine)
     predicted = model_step(loop, reference)
-    step = _window(time_s, begin_s - _BEFORE_S, begin_s + moves.back_s)
-    far = _window(time_s, begin_s + moves.parabola_s, begin_s + moves.end_s)
+    step = _window(time_s, begin_s - _BEFORE_S, begin_s + request.back_s)
+    far = _window(time_s, begin_s + request.parabola_s, begin_s + request.end_s)
     kept = _window(time_s, begin_s - KEPT_BEFORE_MS / 1000.0, begin_s + KEPT_AFTER_MS / 1000.0)
     least_um = SETTLED_COUNTS * count_um
     model = HealthModel(

@@ -20,7 +20,7 @@ from drivers.identification.excitation import CamPath, Excitation, PvtPath
 from drivers.identification.measuring import GAINS, SERVO_TIME, SettingsComparison, measure
 from drivers.identification.request import IdentificationRequest, request_problems
 from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, ResponseOrigin
-from drivers.identification.rig import Rig, card_problems, is_homed, put_back, standing_problems
+from drivers.identification.rig import Rig, is_homed, put_back, refuse_unready, standing_problems
 from drivers.identification.standstill import link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.client import PmacClient
@@ -34,16 +34,6 @@ from profiles.problem import Problem, ProblemError
 MOST_STEP_COUNTS = 10.0  # by switching the table: the carriage rests within counts of its zero
 
 Tell = Callable[[IdentifiedPoint], None]  # called with each point of the result as soon as it is measured
-
-
-def refuse_before(rig: Rig, request: IdentificationRequest) -> None:
-    """Make sure that everything but the drives is ready.
-
-    Raises RefusedError: every reason why not; nothing has moved; DriverError: the link broke.
-    """
-    problems = request_problems(request, rig.machine) or card_problems(rig)
-    if problems:
-        raise RefusedError(*problems)
 
 
 def take_up(rig: Rig) -> None:
@@ -93,7 +83,7 @@ def identify(
     Raises RefusedError: nothing has moved; ProblemError: what went wrong, or who stopped it.
     """
     settings = SettingsComparison(rig, origin)
-    refuse_before(rig, request)
+    refuse_unready(rig, request_problems(request, rig.machine))
     if problems := (*standing_problems(rig), *link_problems(rig, request.amplitude_um)):
         raise RefusedError(*problems)
     excitation: Excitation = PvtPath(rig.machine, request.amplitude_um)

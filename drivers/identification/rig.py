@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from drivers.clock import Clock
 from drivers.commissioning.reading import holds_another
-from drivers.errors import ControllerError
+from drivers.errors import ControllerError, RefusedError
 from drivers.identification.excitation import PROGRAM
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -51,6 +51,15 @@ class Rig:
 def card_problems(rig: Rig) -> tuple[Problem, ...]:
     """Return why this controller cannot be used, whether its drives are enabled or not; nothing moves."""
     return (*rig.lathe.verify(), *rig.lathe.program.tables_left(), *_in_use(rig), *_spindle_turns(rig))
+
+
+def refuse_unready(rig: Rig, problems: tuple[Problem, ...]) -> None:
+    """Make sure that a request has no `problems`, and that everything but the drives is ready.
+
+    Raises RefusedError: every reason why not; nothing has moved; DriverError: the link broke.
+    """
+    if found := problems or card_problems(rig):
+        raise RefusedError(*found)
 
 
 def standing_problems(rig: Rig) -> tuple[Problem, ...]:

@@ -28,7 +28,7 @@ from console.session.station.commands import (
 )
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
-from drivers.commissioning.proofs.proving import CommissioningResult
+from drivers.commissioning.proofs.stopping import MeasuredStops
 from drivers.commissioning.stop_record import PriorMotion, StopEntry, StopMethod, needed_stops
 from drivers.cutting.planning import Strategy
 from drivers.errors import LinkError
@@ -228,7 +228,7 @@ def test_a_record_is_kept_with_the_way_of_its_stops(tmp_path: Path, way: StopWay
         data=tmp_path,
     )
     stops = tuple(_stop(*each) for each in needed_stops(MACHINE))
-    proven = CommissioningResult(checks=(), stops=stops)
+    proven = MeasuredStops(entries=stops)
     keep_stops(card, proven, TODAY)
     made.link.stop_way = way
     keep_stops(card, proven, TODAY)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from drivers.errors import DriverError, RefusedError
 from drivers.identification.excitation import PROGRAM, PvtPath, axis_word
-from drivers.identification.health import HealthMoves, health_text
+from drivers.identification.health import HealthRequest, health_text
 from drivers.identification.identify import identify
 from drivers.lathe.console_role import NOBODY, ConsoleRole
 from drivers.lathe.ownership import HIGHEST, OWNER_ITEM, Ownership, exchange_line
@@ -279,7 +279,7 @@ def test_a_changed_or_longer_program_is_not_ours(code: list[str], place: int, ot
 
 
 def test_the_longest_of_our_programs_has_room_for_its_signature(machine: MachineProfile) -> None:
-    moves = HealthMoves(step_um=3.0)
+    moves = HealthRequest(step_um=3.0)
     text = health_text(machine, axis_word(machine, machine.tool.motor), moves, 0.0)
     assert max(map(len, text.splitlines())) < LINE_LIMIT and is_signed(body(text))
 

@@ -15,7 +15,8 @@ from console.session.station.machine_connection import guard
 from console.text.catalogue import Catalogue
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.proofs.bench import list_missing_tests, names_of
-from drivers.commissioning.proofs.proving import CommissioningResult, prove
+from drivers.commissioning.proofs.proving import prove
+from drivers.commissioning.proofs.stopping import MeasuredStops
 from drivers.commissioning.stop_record import VALID_DAYS, StopRecord, StopsNow, record_problems, stop_key
 from drivers.commissioning.verification import Verification
 from drivers.lathe.ownership import Ownership
@@ -151,7 +152,7 @@ def _record_checks(card: ConnectedController, today: date) -> list[Check]:
     ]
 
 
-def keep_stops(card: ConnectedController, proven: CommissioningResult, today: date) -> None:
+def keep_stops(card: ConnectedController, proven: MeasuredStops, today: date) -> None:
     """Store the measured stopping performance; a stop out of specification removes the record."""
     if card.simulated:
         return
@@ -168,7 +169,7 @@ def keep_stops(card: ConnectedController, proven: CommissioningResult, today: da
         measured_at=today,
         address=card.address,
         stop_way=card.stop.way,
-        entries=proven.stops,
+        entries=proven.entries,
         tests=tuple(
             check.code.removeprefix(PROOF)
             for check in proven.checks

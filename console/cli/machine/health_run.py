@@ -24,10 +24,10 @@ from drivers.identification.health import (
     figures_of,
     health_problems,
     model_figures_of,
-    refuse_health,
 )
 from drivers.identification.identify import take_up
 from drivers.identification.result import ResponseOrigin
+from drivers.identification.rig import refuse_unready
 from drivers.link.tracing import Tracing
 from profiles.files import printable
 
@@ -54,7 +54,10 @@ def check_and_keep(options: Namespace, interruption: Interruption, text: Catalog
                 take_up(rig)
                 return check_health(rig, request, origin, utc_now())
 
-            result = with_origin(rig, owning, simulated, data, lambda: refuse_health(rig, request), work)
+            def refuse() -> None:
+                refuse_unready(rig, health_problems(request, rig.machine))
+
+            result = with_origin(rig, owning, simulated, data, refuse, work)
     finally:
         tell(tracing.problems, text)
     kept = kept_tests(data, loaded.machine.name, 1)

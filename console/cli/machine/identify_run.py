@@ -30,11 +30,11 @@ from console.session.tuning.trial import TrialPlace, standing_trial
 from console.text.catalogue import Catalogue
 from console.text.columns import pad_left, wrap_text
 from drivers.cutting.strategy import Strategy
-from drivers.identification.identify import identify, origin_of, refuse_before, take_up
+from drivers.identification.identify import identify, origin_of, take_up
 from drivers.identification.nominal import nominal_response, phase_difference_deg
 from drivers.identification.request import IdentificationRequest, request_problems
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, ResponseOrigin
-from drivers.identification.rig import Rig
+from drivers.identification.rig import Rig, refuse_unready
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.safety import safety_problems
@@ -237,7 +237,10 @@ def _identify_axis(
         take_up(rig)
         return identify(rig, request, origin, utc_now(), teller.tell)
 
-    return with_origin(rig, owning, simulated, data, lambda: refuse_before(rig, request), work)
+    def refuse() -> None:
+        refuse_unready(rig, request_problems(request, rig.machine))
+
+    return with_origin(rig, owning, simulated, data, refuse, work)
 
 
 def with_origin(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import replace
 
 from drivers.clock import Clock
 from drivers.commissioning.check import Check, Group
@@ -18,7 +18,6 @@ from drivers.commissioning.fingerprint import changed_settings
 from drivers.commissioning.proofs.bench import POLL_S, SETTLE_S, ProofRig, list_missing_tests, names_of, proof
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.reading import Extent, holds_another, read_configuration, read_gathering
-from drivers.commissioning.stop_record import StopEntry
 from drivers.commissioning.verification import Verification, read_of_machine
 from drivers.controller import Controller
 from drivers.errors import ControllerError, DriverError, LinkError
@@ -300,14 +299,6 @@ SPINDLE: tuple[Proof, ...] = (source_delay, roll_over)
 CLOSED: tuple[Proof, ...] = (pvt_rounding,)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CommissioningResult:
-    """The test results, and the measured stops."""
-
-    checks: tuple[Check, ...]
-    stops: tuple[StopEntry, ...] = ()
-
-
 def prove(
     client: Controller,
     stop: StopPath,
@@ -315,7 +306,7 @@ def prove(
     verification: Verification,
     owner: float | None = None,
     owner_seen: Callable[[float], None] = lambda _: None,
-) -> CommissioningResult:
+) -> MeasuredStops:
     """Run all tests that a cut relies on; the drives are killed before and afterwards.
 
     `owner` is the number of the console that controls the machine, None for the owner at the beginning. When
@@ -335,7 +326,7 @@ def prove(
     )
     if busy or worst(verification.checks) is Severity.REFUSAL:
         first = Check(Group.PROOFS, "proofs_refused", Severity.REFUSAL)
-        return CommissioningResult(checks=(first, *list_missing_tests(names)))
+        return MeasuredStops(checks=(first, *list_missing_tests(names)))
     if owner is None:
         (owner,) = client.numbers(f"P{OWNER}", again=True)
     bench = ProofRig(client=client, stop=stop, clock=clock, judged=judged, owner=owner, owner_seen=owner_seen)
@@ -356,7 +347,7 @@ def prove(
         _refuse_changed(bench)
     done = {check.code.removeprefix("proof_").removeprefix("unproven_") for check in checks}
     missing = [name for name in names if name not in done]
-    return CommissioningResult(checks=(*checks, *list_missing_tests(missing)), stops=stops.entries)
+    return replace(stops, checks=(*checks, *list_missing_tests(missing)))
 
 
 def _refuse_changed(bench: ProofRig) -> None:

@@ -200,10 +200,10 @@ def _past_a_question(bench: ProofRig, press: Callable[[str], None]) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredStops:
-    """The entries of a record, and the checks."""
+    """The checks, and the entries of a record."""
 
-    entries: tuple[StopEntry, ...] = ()
     checks: tuple[Check, ...] = ()
+    entries: tuple[StopEntry, ...] = ()
 
 
 @dataclass(kw_only=True)
