@@ -185,7 +185,7 @@ def _pointers(plan: CutPlan) -> Iterator[Change]:
 
 def _registers(machine: MachineProfile, dialect: Dialect) -> Iterator[Change]:
     """Yield additions to the registers that add to the position of a motor, in whole counts."""
-    for motor in (machine.tool.motor, machine.spindle.motor, machine.carriage.motor):
+    for motor in machine.motors:
         parts = PARTS_PER_SCALE * machine.controller.variables[f"I{motor}08"]
         for name in ADDING_REGISTERS:
             register = dialect.registers[name]
@@ -206,7 +206,7 @@ def _pairs(
     registers: tuple[Change, ...],
 ) -> Iterator[tuple[Change, ...]]:
     """Yield pairs of gains and scale of a motor, of axes, of registers, of constants: one up, the other down."""
-    for motor in (machine.tool.motor, machine.spindle.motor, machine.carriage.motor):
+    for motor in machine.motors:
         names = {f"I{dialect.motor_index(motor, number)}" for number in (*SCALE_NUMBERS, *GAIN_NUMBERS)}
         gains = {each.name: each for each in settings if each.name in names and each.there}
         yield from _opposed(tuple(gains.values()))

@@ -217,7 +217,7 @@ def program(machine: MachineProfile, plan: CutPlan) -> Rate:
     """A whole motion program, from R until everything stands still."""
     bench = Bench(machine)
     starts = (plan.tool_start, plan.spindle_start, plan.carriage_start)
-    motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
+    motors = machine.motors
     bench.say(*(f"#{motor}J={format_number(start)}" for motor, start in zip(motors, starts, strict=True)))
     while bench.moving:
         bench.advance()

@@ -207,7 +207,7 @@ class Scene:
         plan = plan_cut(job, self.machine, strategy, **more)
         self.home()
         self.say(*plan.program.lines)
-        motors = self.machine.tool.motor, self.machine.spindle.motor, self.machine.carriage.motor
+        motors = self.machine.motors
         places = plan.tool_start, plan.spindle_start, plan.carriage_start
         for motor, place in zip(motors[1:], places[1:], strict=True):
             self.say(f"#{motor}J={place}")

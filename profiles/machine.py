@@ -258,6 +258,11 @@ class MachineProfile:
     safety: Safety = field(default_factory=Safety)
     schema: int = 1
 
+    @property
+    def motors(self) -> tuple[int, int, int]:
+        """The motors of tool, spindle and carriage."""
+        return self.tool.motor, self.spindle.motor, self.carriage.motor
+
 
 def machine_from_table(table: Mapping[str, Any], *, where: str = "") -> MachineProfile:
     """Return the machine in a TOML table, or raise `ProfileError` with every problem of it."""

@@ -89,11 +89,10 @@ def read_fingerprint(
         RefusedError: `controller.entering`.
         DriverError: the link broke, or the controller answers something unexpected.
     """
-    motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
     (free,) = client.query("SIZE", again=True)
     known = since is not None and since.free == free
     extent = replace(
-        of_motors(dialect, motors, (END_FLAG,)),
+        of_motors(dialect, machine.motors, (END_FLAG,)),
         plcs=tuple(number for number in range(HIGHEST_PLC + 1) if number not in PLCS),
         programs=() if known else tuple(number for number in PROGRAM_NUMBERS if number not in STRATEGY_PROGRAMS),
         tables=tuple(since.configuration.tables) if since is not None and known else None,

@@ -102,7 +102,7 @@ def stop_key(client: Controller, machine: MachineProfile, dialect: Dialect) -> s
     kind, version = client.query("TYPE", "VERSION", again=True)
     blocks = [
         range(dialect.motor_index(motor, part.start), dialect.motor_index(motor, part.stop))
-        for motor in (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
+        for motor in machine.motors
         for part in (MOTION_SETTINGS, FILTER_SETTINGS, OUTPUT_SETTINGS)
     ]
     settings = read_ranges(client, dialect, [range(SERVO_PERIOD, SERVO_PERIOD + 1), *blocks])

@@ -86,8 +86,7 @@ def verify(client: Controller, machine: MachineProfile, dialect: Dialect) -> Ver
 
 def read_of_machine(client: Controller, machine: MachineProfile, dialect: Dialect) -> ControllerConfiguration:
     """Read what concerns a machine, for its checks; errors as for `verify`."""
-    motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
-    return read_configuration(client, dialect, of_motors(dialect, motors, (END_FLAG, WATCHDOG_TIMER)))
+    return read_configuration(client, dialect, of_motors(dialect, machine.motors, (END_FLAG, WATCHDOG_TIMER)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -108,8 +108,7 @@ class SettingsComparison:
 
     def _read(self) -> ControllerFingerprint:
         rig, machine = self._rig, self._rig.machine
-        motors = machine.tool.motor, machine.spindle.motor, machine.carriage.motor
-        extent = replace(of_motors(rig.dialect, motors), plcs=(), tables=())
+        extent = replace(of_motors(rig.dialect, machine.motors), plcs=(), tables=())
         read = read_configuration(rig.client, rig.dialect, extent)
         return ControllerFingerprint(machine=machine, configuration=read, free="")
 

@@ -14,8 +14,7 @@ _DECIMALS = {AxisName.TOOL: 4, AxisName.CARRIAGE: 3, AxisName.SPINDLE: 2}
 
 def motor_of(machine: MachineProfile, axis: AxisName) -> int:
     """Return the motor number of an axis."""
-    motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
-    return dict(zip(AxisName, motors, strict=True))[axis]
+    return dict(zip(AxisName, machine.motors, strict=True))[axis]
 
 
 def settings_of(machine: MachineProfile, axis: AxisName) -> MotorSettings:

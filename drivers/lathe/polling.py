@@ -48,7 +48,6 @@ class SnapshotItems:
 
     def __init__(self, machine: MachineProfile, dialect: Dialect) -> None:
         """Read the inputs that the profile names. Raises DriverError: `safety.bad_input`."""
-        motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
         self.driven = driven_axes(machine)
         self.inputs = inputs_of(machine.safety)
         # The same words come again in most polls, and their meaning depends on nothing else.
@@ -57,7 +56,7 @@ class SnapshotItems:
         self._axis, self._number = lru_cache(maxsize=64)(self._axis_of), lru_cache(maxsize=64)(number_of)
         self._inputs = lru_cache(maxsize=64)(self._inputs_of)
         self.items = (
-            *(item for motor in motors for item in (f"#{motor}P", "F", "?")),
+            *(item for motor in machine.motors for item in (f"#{motor}P", "F", "?")),
             "&1??",
             "%",
             f"P{reserved.OWNER}",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from drivers.controller import Controller
 from drivers.errors import LinkError
+from drivers.lathe.snapshot import AxisName
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.status import BITS_PER_WORD, BitTable
 from profiles.machine import MachineProfile
@@ -37,10 +38,8 @@ class StatusWords:
 
 def status_items(machine: MachineProfile, dialect: Dialect) -> tuple[tuple[str, str, BitTable], ...]:
     """Return subject, query and table of bits of each status."""
-    tool, spindle, carriage = machine.tool.motor, machine.spindle.motor, machine.carriage.motor
-    axes = {"tool": tool, "spindle": spindle, "carriage": carriage}
     return (
-        *((name, f"#{motor}?", dialect.motor_bits) for name, motor in axes.items()),
+        *((name, f"#{motor}?", dialect.motor_bits) for name, motor in zip(AxisName, machine.motors, strict=True)),
         ("system", "&1??", dialect.system_bits),
         ("controller", "???", dialect.global_bits),
     )

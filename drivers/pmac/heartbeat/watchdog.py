@@ -88,7 +88,7 @@ def watchdog_condition(dialect: Dialect) -> str:
 
 def motors(machine: MachineProfile) -> dict[int, int]:
     """Return the motors that the controller moves, by their bit: a spindle on an inverter is not one of them."""
-    axes = {TOOL: machine.tool.motor, SPINDLE: machine.spindle.motor, CARRIAGE: machine.carriage.motor}
+    axes = dict(zip((TOOL, SPINDLE, CARRIAGE), machine.motors, strict=True))
     if machine.spindle.drive != "servo":
         del axes[SPINDLE]
     return axes
