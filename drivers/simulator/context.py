@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum, auto
 
+from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import evaluate
@@ -69,17 +69,13 @@ class Context:
     @property
     def fills_buffer(self) -> bool:
         """Whether program text from this host goes into the open buffer."""
-        return self.filling is not FillTarget.NOWHERE
+        return self.filling is not None
 
     @property
-    def filling(self) -> FillTarget:
-        """Where program text from this host goes."""
+    def filling(self) -> BufferKind | None:
+        """What program text from this host fills, None where commands act at once."""
         opened = self.controller.open_buffer
-        if opened is None or opened.owner is not self:
-            return FillTarget.NOWHERE
-        if opened.kinematic is not None:
-            return FillTarget.KINEMATIC
-        return FillTarget.PROGRAM if opened.plc is None else FillTarget.PLC
+        return opened.kind if opened is not None and opened.owner is self else None
 
     def value(self, expression: Expression) -> float:
         """Return the value of an expression. Raises PmacError: 003, it has none."""
@@ -100,27 +96,18 @@ class Context:
 Step = Callable[[Context], None]  # a command that was read: it acts for its host
 
 
-class FillTarget(StrEnum):
-    """Where program text of a host goes while a line is read."""
-
-    NOWHERE = auto()  # no buffer is open for it: commands act at once
-    PROGRAM = auto()
-    PLC = auto()
-    KINEMATIC = auto()  # the inverse or forward program of a coordinate system
-
-
 @dataclass(slots=True)
 class LineContext:
     """What the reading of a line depends on: its text, as typed, the family, and where program text goes."""
 
     text: str
     dialect: Dialect
-    filling: FillTarget = FillTarget.NOWHERE
+    filling: BufferKind | None = None
 
     @property
     def fills(self) -> bool:
         """Whether program text goes into a buffer."""
-        return self.filling is not FillTarget.NOWHERE
+        return self.filling is not None
 
 
 Handler = Callable[[Scanner, LineContext], Step]

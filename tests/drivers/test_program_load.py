@@ -130,7 +130,7 @@ def test_the_buffer_of_somebody_else_is_not_closed_by_a_download_that_is_refused
     assert refused.value.error_number == 7
     opened = bench.sim.controller.open_buffer
     assert opened is not None
-    assert opened.program == 9
+    assert opened.number == 9
 
 
 def test_a_line_that_does_not_come_at_all_closes_the_buffer_as_well(bench: Recorded) -> None:

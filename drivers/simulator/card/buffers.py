@@ -1,82 +1,55 @@
-"""Program buffers: opening, filling, listing and deleting motion programs and PLCs."""
+"""Program buffers: opening, filling, listing and deleting motion programs, PLCs and kinematic programs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
+from typing import Any
 
+from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.execution.kinematics import stored_kinematic_line
 from drivers.pmac.families.family import BufferDirectory
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.expressions import HIGHEST_PROGRAM, TRAILING_CLOSE
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.listing import StoredLine, StoredPlcLine, addresses, stored_line, stored_plc_lines
+from drivers.pmac.language.listing import KeptText, addresses, stored_line, stored_plc_lines
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.plc_statements import parse_plc_line
 from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.card.table_memory import OpenBuffer
-from drivers.simulator.context import Context, FillTarget, LineContext, Step
+from drivers.simulator.context import Context, LineContext, Step
 
 MAX_LINES = 20_000  # room for one program; a real controller has some tens of thousands of words for all
 ROOM_LINES = 100_000  # room for all of them
 _CHARACTERS_A_VALUE = 2  # lines stored in the time that a variable is read
 _PLC_OFF = 1 << 22  # the bit of a PLC that is off, in memory
-PROTECTED_PROGRAMS = range(1000, HIGHEST_PROGRAM + 1)
-PROTECTED_PLCS = range(16)
-"""Programs that a password protects from opening and listing (Software Reference, PASSWORD)."""
+_PROTECTED = {BufferKind.PROGRAM: range(1000, HIGHEST_PROGRAM + 1), BufferKind.PLC: range(16)}
+"""What a password protects from opening and listing, beside kinematic programs (Software Reference, PASSWORD)."""
 
 
-def open_program(context: Context, number: int) -> None:
-    """OPEN PROG n. Raises PmacError: 001 while a program runs, 002 protected, 007 a buffer is open already."""
+def open_buffer(context: Context, kind: BufferKind, number: int) -> None:
+    """OPEN; a PLC is disabled until it is enabled again.
+
+    Raises PmacError: 001 while a program runs, but for a PLC, 002 protected, 007 a buffer is open already.
+    """
     controller = context.controller
     _refuse_open(controller)
-    _refuse_running(controller, "OPEN")
-    refuse_protected(controller, number, PROTECTED_PROGRAMS)
-    controller.programs.setdefault(number, [])
-    controller.open_buffer = OpenBuffer(program=number, owner=context)
-    for system in controller.systems.values():
-        # After any OPEN the pointers are lost: every system must be pointed at its program again.
-        system.program_number = None
-
-
-def open_plc(context: Context, number: int) -> None:
-    """OPEN PLC n: disable it, until it is enabled again. Raises PmacError: 002 protected, 007 a buffer is open."""
-    controller = context.controller
-    _refuse_open(controller)
-    refuse_protected(controller, number, PROTECTED_PLCS)
-    controller.plcs.open(number)
-    controller.open_buffer = OpenBuffer(plc=number, owner=context)
-
-
-def open_kinematic(context: Context, kind: str) -> None:
-    """OPEN INVERSE or FORWARD of the addressed system. Raises PmacError: as `open_program`."""
-    controller = context.controller
-    _refuse_open(controller)
-    _refuse_running(controller, "OPEN")
-    refuse_locked(controller)
-    context.system.kinematic_lines.setdefault(kind, [])
-    controller.open_buffer = OpenBuffer(kinematic=(context.system_number, kind), owner=context)
-
-
-def delete_kinematic(context: Context, kind: str) -> None:
-    """DELETE INVERSE or FORWARD. Raises PmacError: 001 while a program runs, 002 protected, 007 it is open."""
-    controller = context.controller
-    _refuse_running(controller, "DELETE")
-    opened = controller.open_buffer
-    if opened is not None and opened.kinematic == (context.system_number, kind):
-        raise PmacError(ErrorCode.BUFFER_IN_USE, f"{opened} is open")
-    refuse_locked(controller)
-    context.system.kinematic_lines.pop(kind, None)
+    _refuse_running(controller, "OPEN", kind)
+    _refuse_protected(controller, kind, number)
+    if kind is BufferKind.PLC:
+        controller.plcs.forget(number)
+    held, key = _held(controller, kind, number)
+    held.setdefault(key, [])
+    controller.open_buffer = OpenBuffer(kind=kind, number=number, owner=context)
+    if kind is BufferKind.PROGRAM:
+        for system in controller.systems.values():
+            # After any OPEN the pointers are lost: every system must be pointed at its program again.
+            system.program_number = None
 
 
 def clear(controller: SimulatedController) -> None:
     """CLEAR the open buffer. Raises PmacError: 005, none is open."""
-    opened = _require_open_buffer(controller)
-    if opened.program is not None:
-        controller.programs[opened.program].clear()
-    elif opened.plc is not None:
-        controller.plcs.buffers[opened.plc].clear()
-    elif opened.kinematic is not None:
-        _kinematic_lines(controller, opened.kinematic).clear()
+    _open_lines(controller).clear()
 
 
 def close(controller: SimulatedController) -> None:
@@ -84,23 +57,26 @@ def close(controller: SimulatedController) -> None:
     controller.open_buffer = None
 
 
-def delete_program(controller: SimulatedController, number: int) -> None:
-    """DELETE PROG n. Raises PmacError: 001 while a program runs, 002 protected, 007 the program is open."""
-    _refuse_running(controller, "DELETE")
+def delete_buffer(controller: SimulatedController, kind: BufferKind, number: int) -> None:
+    """DELETE. Raises PmacError: 001 while a program runs, but for a PLC, 002 protected, 007 it is open."""
+    _refuse_running(controller, "DELETE", kind)
     opened = controller.open_buffer
-    if opened is not None and opened.program == number:
+    if opened is not None and (opened.kind, opened.number) == (kind, number):
         raise PmacError(ErrorCode.BUFFER_IN_USE, f"{opened} is open")
-    refuse_protected(controller, number, PROTECTED_PROGRAMS)
-    controller.programs.pop(number, None)
+    _refuse_protected(controller, kind, number)
+    if kind is BufferKind.PLC:
+        controller.plcs.forget(number)
+    held, key = _held(controller, kind, number)
+    held.pop(key, None)
 
 
-def delete_plc(controller: SimulatedController, number: int) -> None:
-    """DELETE PLC n. Raises PmacError: 002 protected, 007 the PLC is open."""
-    opened = controller.open_buffer
-    if opened is not None and opened.plc == number:
-        raise PmacError(ErrorCode.BUFFER_IN_USE, f"{opened} is open")
-    refuse_protected(controller, number, PROTECTED_PLCS)
-    controller.plcs.delete(number)
+def lines_of(controller: SimulatedController, kind: BufferKind, number: int) -> Sequence[KeptText]:
+    """Return the lines of a buffer. Raises PmacError: 002 protected, 003 there is none."""
+    _refuse_protected(controller, kind, number)
+    held, key = _held(controller, kind, number)
+    if key not in held:
+        raise PmacError(ErrorCode.DATA_ERROR, f"{kind.buffer_name(number)} does not exist")
+    return held[key]
 
 
 def delete_all(controller: SimulatedController) -> None:
@@ -110,16 +86,16 @@ def delete_all(controller: SimulatedController) -> None:
     """
     _refuse_open(controller)
     _refuse_running(controller, "DELETE ALL")
-    for number in controller.programs:
-        refuse_protected(controller, number, PROTECTED_PROGRAMS)
-    for number in controller.plcs.buffers:
-        refuse_protected(controller, number, PROTECTED_PLCS)
+    for kind in _PROTECTED:
+        for number in _held(controller, kind, 0)[0]:
+            _refuse_protected(controller, kind, number)
     controller.gather.delete()
     controller.programs.clear()
     for system in controller.systems.values():
         system.kinematic_lines.clear()
-    for number in tuple(controller.plcs.buffers):
-        controller.plcs.delete(number)
+    for number in controller.plcs.buffers:
+        controller.plcs.forget(number)
+    controller.plcs.buffers.clear()
     controller.tables.replace(())
 
 
@@ -133,38 +109,29 @@ def read_stored(scanner: Scanner, reading: LineContext) -> Step:
     rest = reading.text[begin : scanner.position]
     closing = TRAILING_CLOSE.search(rest)
     text = rest[: closing.start()] if closing else rest
-    plc_lines: tuple[StoredPlcLine, ...] = ()
-    line: StoredLine | None = None
-    if reading.filling is FillTarget.PLC:
-        plc_lines = stored_plc_lines(text)
-    elif reading.filling is FillTarget.KINEMATIC:
-        line = None if text.strip().upper() in ("RETURN", "RET") else stored_kinematic_line(text)
-    else:
-        line = stored_line(text)
+    lines = _read_lines(reading.filling, text)
 
     def step(context: Context) -> None:
         context.work += len(rest) // _CHARACTERS_A_VALUE
-        _store(context.controller, line, plc_lines)
+        stored = _open_lines(context.controller)
+        _refuse_full(context.controller, len(stored), len(lines))
+        stored += lines
         if closing:
             close(context.controller)
 
     return step
 
 
-def _store(controller: SimulatedController, line: StoredLine | None, plc_lines: tuple[StoredPlcLine, ...]) -> None:
-    opened = _require_open_buffer(controller)
-    if opened.program is not None:
-        lines = controller.programs[opened.program]
-        _refuse_full(controller, len(lines), 1)
-        lines += [line] if line is not None and line.statements else []
-    elif opened.kinematic is not None:
-        lines = _kinematic_lines(controller, opened.kinematic)
-        _refuse_full(controller, len(lines), 1)
-        lines += [line] if line is not None and line.statements else []
-    elif opened.plc is not None:
-        stored = controller.plcs.buffers[opened.plc]
-        _refuse_full(controller, len(stored), len(plc_lines))
-        stored += plc_lines
+def _read_lines(kind: BufferKind | None, text: str) -> Sequence[KeptText]:
+    if kind is BufferKind.PLC:
+        return stored_plc_lines(text)
+    if kind is BufferKind.PROGRAM:
+        line = stored_line(text)
+    elif text.strip().upper() in ("RETURN", "RET"):
+        return ()
+    else:
+        line = stored_kinematic_line(text)
+    return (line,) if line.statements else ()
 
 
 def room_lines(controller: SimulatedController) -> int:
@@ -179,16 +146,10 @@ def stored_lines_in(controller: SimulatedController) -> int:
     return sum(map(len, programs)) + sum(map(len, plcs)) + sum(map(len, kinematic))
 
 
-def refuse_locked(controller: SimulatedController) -> None:
-    """Check that kinematic programs may be read. Raises PmacError: 002, a password is set and was not given."""
-    if controller.password.locked:
-        raise PmacError(ErrorCode.PASSWORD, "kinematic programs are protected")
-
-
-def refuse_protected(controller: SimulatedController, number: int, protected: range) -> None:
-    """Check that a program may be read. Raises PmacError: 002, a password is set and was not given."""
-    if number in protected and controller.password.locked:
-        raise PmacError(ErrorCode.PASSWORD, f"program {number} is protected")
+def _refuse_protected(controller: SimulatedController, kind: BufferKind, number: int) -> None:
+    """Check that a buffer may be read. Raises PmacError: 002, a password is set and was not given."""
+    if controller.password.locked and (kind.of_system or number in _PROTECTED[kind]):
+        raise PmacError(ErrorCode.PASSWORD, f"{kind.buffer_name(number)} is protected")
 
 
 def is_program_text(text: str) -> bool:
@@ -200,9 +161,23 @@ def is_program_text(text: str) -> bool:
     return False
 
 
-def _kinematic_lines(controller: SimulatedController, which: tuple[int, str]) -> list[StoredLine]:
-    system, kind = which
-    return controller.systems[system].kinematic_lines.setdefault(kind, [])
+def _held(
+    controller: SimulatedController, kind: BufferKind, number: int
+) -> tuple[dict[Any, list[Any]], int | str]:
+    """Return the buffers among which one is kept, each with lines of its kind, and its key there."""
+    if kind is BufferKind.PROGRAM:
+        return controller.programs, number
+    if kind is BufferKind.PLC:
+        return controller.plcs.buffers, number
+    return controller.systems[number].kinematic_lines, str(kind)
+
+
+def _open_lines(controller: SimulatedController) -> list[Any]:
+    opened = controller.open_buffer
+    if opened is None:
+        raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no buffer is open")
+    held, key = _held(controller, opened.kind, opened.number)
+    return held.setdefault(key, [])
 
 
 def _refuse_full(controller: SimulatedController, stored: int, more: int) -> None:
@@ -210,20 +185,14 @@ def _refuse_full(controller: SimulatedController, stored: int, more: int) -> Non
         raise PmacError(ErrorCode.NO_ROOM, f"{MAX_LINES} lines")
 
 
-def _refuse_running(controller: SimulatedController, command: str) -> None:
-    if controller.any_program_running:
+def _refuse_running(controller: SimulatedController, command: str, kind: BufferKind | None = None) -> None:
+    if kind is not BufferKind.PLC and controller.any_program_running:
         raise PmacError(ErrorCode.NOT_WHILE_RUNNING, command)
 
 
 def _refuse_open(controller: SimulatedController) -> None:
     if controller.open_buffer is not None:
         raise PmacError(ErrorCode.BUFFER_IN_USE, f"{controller.open_buffer} is open")
-
-
-def _require_open_buffer(controller: SimulatedController) -> OpenBuffer:
-    if controller.open_buffer is None:
-        raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no buffer is open")
-    return controller.open_buffer
 
 
 class StoredBuffers:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 
 from drivers.pmac.axes import AxisDefinition, refuse_singular
+from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.listing import StoredLine
@@ -165,7 +166,7 @@ class SimulatedController:
             (self.plcs.resume if enable else self.plcs.pause)(numbers)
         elif not enable:
             self.plcs.disable(numbers)
-        elif opened is not None and opened.plc in numbers:
+        elif opened is not None and opened.kind is BufferKind.PLC and opened.number in numbers:
             raise PmacError(ErrorCode.BUFFER_IN_USE, f"{opened} is open")
         else:
             self.plcs.enable(numbers)

@@ -53,15 +53,12 @@ class PlcPrograms:
         period = max(1, int(self._variables.i(INTERRUPT_PERIOD)) + 1)
         return period - cycles % period
 
-    def open(self, number: int) -> None:
-        """Prepare the buffer of a PLC to be filled: the PLC is disabled, and its addressing stays."""
-        self._forget(number)
-        self.buffers.setdefault(number, [])
-
-    def delete(self, number: int) -> None:
-        """Remove a PLC, if it exists; its addressing is kept for the next one of that number."""
-        self._forget(number)
-        self.buffers.pop(number, None)
+    def forget(self, number: int) -> None:
+        """Disable a PLC whose text is opened or deleted; its addressing stays for the next one of that number."""
+        self.disable((number,))
+        run = self._runs.pop(number, None)
+        if run is not None:
+            self._addressed[number] = run.addressed
 
     def enable(self, numbers: Sequence[int]) -> None:
         """Enable PLCs, all or none. One already enabled continues where it is, one without text does nothing.
@@ -144,9 +141,3 @@ class PlcPrograms:
     def _run(self, number: int) -> PlcRun:
         code = link_plc(tuple([line.statements for line in self.buffers[number]]))
         return PlcRun(code, self._variables, self._host, self._addressed.get(number))
-
-    def _forget(self, number: int) -> None:
-        self.disable((number,))
-        run = self._runs.pop(number, None)
-        if run is not None:
-            self._addressed[number] = run.addressed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.dialect import FamilySetting
 from drivers.pmac.language.text import format_number
 from drivers.pmac.status import pack
@@ -120,8 +121,8 @@ def global_words(controller: SimulatedController, *, all_cards: bool = False) ->
         "gathering": controller.gather.running,
         "compensation_on": bool(controller.variables.i(51) and controller.tables.tables),
         "watchdog": controller.watchdog_tripped,
-        "motion_buffer_open": opened is not None and opened.plc is None,
-        "plc_buffer_open": opened is not None and opened.plc is not None,
+        "motion_buffer_open": opened is not None and opened.kind is not BufferKind.PLC,
+        "plc_buffer_open": opened is not None and opened.kind is BufferKind.PLC,
     }
     return pack(conditions, controller.dialect.global_bits)
 

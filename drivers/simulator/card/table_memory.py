@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, refuse_definition, refuse_deletion
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.plcs.plc import DefaultAddress
@@ -114,20 +115,17 @@ class TableMemory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenBuffer:
-    """The program, or the PLC, being filled, and the host that opened it: no other host may fill it.
+    """What is being filled, and the host that opened it: no other host may fill it.
 
-    `kinematic` is a coordinate system, and which of its kinematic programs.
+    `number` is that of the program, PLC or coordinate system.
     """
 
-    program: int | None = None
-    plc: int | None = None
-    kinematic: tuple[int, str] | None = None
+    kind: BufferKind
+    number: int
     owner: object
 
     def __str__(self) -> str:
-        if self.kinematic is not None:
-            return f"{self.kinematic[1]} of &{self.kinematic[0]}"
-        return f"program {self.program}" if self.plc is None else f"PLC {self.plc}"
+        return self.kind.buffer_name(self.number)
 
 
 class Password:

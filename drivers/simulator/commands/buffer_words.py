@@ -1,4 +1,4 @@
-"""Buffer commands: OPEN, CLEAR, CLOSE, LIST, DELETE, SIZE and DEFINE; of programs, PLCs, tables and gathered data.
+"""Buffer commands: OPEN, CLEAR, CLOSE, LIST, DELETE, SIZE and DEFINE; of programs, tables and gathered data.
 
 Entries of a compensation table are the constants that its host sends after DEFINE COMP.
 """
@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.compensation.table_text import definition_text, entry_lines, scan_definition, scan_entries
+from drivers.pmac.execution.kinematics import KINDS
 from drivers.pmac.gathering.gather import listing
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.expressions import (
@@ -18,8 +20,6 @@ from drivers.pmac.language.expressions import (
     CLOSE,
     HIGHEST_PLC,
     HIGHEST_PROGRAM,
-    OPEN_PLC,
-    OPEN_PROGRAM,
     PROGRAM,
 )
 from drivers.pmac.language.lexer import Scanner
@@ -28,30 +28,45 @@ from drivers.pmac.language.parser import MESSAGE_READERS
 from drivers.pmac.language.syntax import PlcSwitch
 from drivers.pmac.memory import Pointer
 from drivers.simulator.card import buffers
-from drivers.simulator.context import Context, FillTarget, Handler, LineContext, Step, act, say
+from drivers.simulator.context import Context, Handler, LineContext, Step, act, say
 
 _LOOKAHEAD, _USER_BUFFER = ("LOOKAHEAD", "LOOK"), ("UBUFFER", "UBUF")
 _NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", *_LOOKAHEAD)  # never defined
 _PLC_SWITCHES = ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC", "PAUSEPLC", "PAUPLC", "RESUMEPLC", "RESPLC")
 _GATHER = ("GATHER", "GAT")
+_KINDS = {
+    **dict.fromkeys(PROGRAM, BufferKind.PROGRAM),
+    "PLC": BufferKind.PLC,
+    **{word: BufferKind(kind) for word, kind in KINDS.items()},
+}
+_NUMBERS = {BufferKind.PROGRAM: range(1, HIGHEST_PROGRAM + 1), BufferKind.PLC: range(HIGHEST_PLC + 1)}
 _CONSTANT = re.compile(r"[+-]?[\d.]")  # first characters of a line of entries; `$` is a command
 
 
-def _open_program(scanner: Scanner, reading: LineContext) -> Step:
-    number = _program_number(scanner)
-    reading.filling = FillTarget.PROGRAM  # of the text after it on its line; a refusal ends the line
-    return lambda context: buffers.open_program(context, number)
+def _take_number(scanner: Scanner, reading: LineContext, kind: BufferKind) -> Callable[[Context], int]:
+    """Consume the number of a program or PLC; a kinematic program has that of the addressed system."""
+    if kind.of_system:
+        if reading.dialect.kinematics is None:
+            raise PmacError(ErrorCode.DATA_ERROR, "this family has no kinematic programs")
+        return lambda context: context.system_number
+    number, numbers = scanner.take_integer(), _NUMBERS[kind]
+    if number is None or number not in numbers:
+        raise PmacError(ErrorCode.DATA_ERROR, f"the number of a {kind}, {numbers.start} to {numbers.stop - 1}")
+    return lambda context: number
 
 
-def _open_plc(scanner: Scanner, reading: LineContext) -> Step:
-    number = _plc_number(scanner)
-    reading.filling = FillTarget.PLC
-    return lambda context: buffers.open_plc(context, number)
+def _open(kind: BufferKind) -> Handler:
+    def command(scanner: Scanner, reading: LineContext) -> Step:
+        number = _take_number(scanner, reading, kind)
+        reading.filling = kind  # of the text after it on its line; a refusal ends the line
+        return lambda context: buffers.open_buffer(context, kind, number(context))
+
+    return command
 
 
 def _close(scanner: Scanner, reading: LineContext) -> Step:
     scanner.accept("ALL")
-    reading.filling = FillTarget.NOWHERE
+    reading.filling = None
     return lambda context: buffers.close(context.controller)
 
 
@@ -79,7 +94,7 @@ class WordRange:
         return [f"{starts[place]}:{whole[place].list_line(in_full=in_full)}" for place in part]
 
 
-def take_range(scanner: Scanner) -> WordRange:
+def _take_range(scanner: Scanner) -> WordRange:
     """Consume the part of a listing that is asked for; without one, all of it."""
     if not scanner.accept(","):
         return WordRange()
@@ -87,43 +102,27 @@ def take_range(scanner: Scanner) -> WordRange:
     return WordRange(first, scanner.take_integer() if scanner.accept(",") else None, addressed=True)
 
 
-def _list_program(scanner: Scanner, reading: LineContext) -> Step:
+def _list(kind: BufferKind) -> Handler:
     """`LIST PROG 1`, `LIST PROG 1,10` from word 10, `LIST PROG 1,10,5` what begins in five words."""
-    number, part = _program_number(scanner), take_range(scanner)
 
-    def step(context: Context) -> None:
-        controller = context.controller
-        buffers.refuse_protected(controller, number, buffers.PROTECTED_PROGRAMS)
-        lines = controller.programs.get(number)
-        if lines is None:
-            raise PmacError(ErrorCode.DATA_ERROR, f"program {number} does not exist")
-        context.list_lines(part.of(lines, context))
+    def command(scanner: Scanner, reading: LineContext) -> Step:
+        number, part = _take_number(scanner, reading, kind), _take_range(scanner)
 
-    return step
+        def step(context: Context) -> None:
+            lines = buffers.lines_of(context.controller, kind, number(context))
+            context.list_lines(part.of(lines, context))
 
+        return step
 
-def _list_plc(scanner: Scanner, reading: LineContext) -> Step:
-    number, part = _plc_number(scanner), take_range(scanner)
-
-    def step(context: Context) -> None:
-        controller = context.controller
-        buffers.refuse_protected(controller, number, buffers.PROTECTED_PLCS)
-        lines = controller.plcs.buffers.get(number)
-        if lines is None:
-            raise PmacError(ErrorCode.DATA_ERROR, f"PLC {number} does not exist")
-        context.list_lines(part.of(lines, context))
-
-    return step
+    return command
 
 
-def _delete_program(scanner: Scanner, reading: LineContext) -> Step:
-    number = _program_number(scanner)
-    return lambda context: buffers.delete_program(context.controller, number)
+def _delete(kind: BufferKind) -> Handler:
+    def command(scanner: Scanner, reading: LineContext) -> Step:
+        number = _take_number(scanner, reading, kind)
+        return lambda context: buffers.delete_buffer(context.controller, kind, number(context))
 
-
-def _delete_plc(scanner: Scanner, reading: LineContext) -> Step:
-    number = _plc_number(scanner)
-    return lambda context: buffers.delete_plc(context.controller, number)
+    return command
 
 
 def _switch_plc(word: str) -> Handler:
@@ -144,20 +143,6 @@ def _size(context: Context) -> str:
     """Below 0 while a buffer is open."""
     room = buffers.room_lines(context.controller)
     return str(room if context.controller.open_buffer is None else -room)
-
-
-def _program_number(scanner: Scanner) -> int:
-    number = scanner.take_integer()
-    if number is None or not 1 <= number <= HIGHEST_PROGRAM:
-        raise PmacError(ErrorCode.DATA_ERROR, f"a program number, 1 to {HIGHEST_PROGRAM}")
-    return number
-
-
-def _plc_number(scanner: Scanner) -> int:
-    number = scanner.take_integer()
-    if number is None or number > HIGHEST_PLC:
-        raise PmacError(ErrorCode.DATA_ERROR, f"a PLC number, 0 to {HIGHEST_PLC}")
-    return number
 
 
 def _refuse_open(context: Context) -> None:
@@ -288,8 +273,7 @@ def _delete_nothing(context: Context) -> None:
 _DELETED: dict[str, Handler] = {
     **dict.fromkeys(_NOT_HERE, act(_delete_nothing)),
     "ALL": act(lambda context: buffers.delete_all(context.controller)),
-    **dict.fromkeys(PROGRAM, _delete_program),
-    "PLC": _delete_plc,
+    **{word: _delete(kind) for word, kind in _KINDS.items()},
     **dict.fromkeys(_GATHER, act(lambda context: context.controller.gather.delete())),
     "COMP": act(_delete_table),
     **dict.fromkeys(_USER_BUFFER, act(lambda context: _place_user_buffer(context, 0))),
@@ -298,12 +282,10 @@ _DELETED: dict[str, Handler] = {
 }
 
 WORDS: dict[str, Handler] = {
-    **dict.fromkeys(OPEN_PROGRAM, _open_program),
-    **dict.fromkeys(OPEN_PLC, _open_plc),
+    **{f"OPEN{word}": _open(kind) for word, kind in _KINDS.items()},
     **dict.fromkeys(CLEAR, act(lambda context: buffers.clear(context.controller))),
     **dict.fromkeys(CLOSE, _close),
-    **{f"LIST{word}": _list_program for word in PROGRAM},
-    "LISTPLC": _list_plc,
+    **{f"LIST{word}": _list(kind) for word, kind in _KINDS.items()},
     **{f"{delete}{word}": handler for delete in ("DELETE", "DEL") for word, handler in _DELETED.items()},
     "SIZE": say(_size),
     **{f"{define}{word}": _define_gather for define in ("DEFINE", "DEF") for word in _GATHER},

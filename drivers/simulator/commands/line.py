@@ -14,19 +14,16 @@ from functools import lru_cache
 
 from drivers.pmac.axes import scan_definition
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.execution.kinematics import KINDS
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card import buffers
 from drivers.simulator.commands import buffer_words, status, systems, values
-from drivers.simulator.commands.buffer_words import take_range
 from drivers.simulator.context import (
     ALL_CARDS,
     HIGHEST_CARD,
     Context,
-    FillTarget,
     Handler,
     LineContext,
     Step,
@@ -36,52 +33,6 @@ from drivers.simulator.context import (
 _DAISY_CHAIN = 2  # bit 1 of I1: several controllers on one line, addressed with `@n`
 _COMMAND_WORK = 5  # cost of any command, in values read or set
 MOTORS_IN_A_BANK = 8
-
-
-def _refuse_without(reading: LineContext) -> None:
-    if reading.dialect.kinematics is None:
-        raise PmacError(ErrorCode.DATA_ERROR, "this family has no kinematic programs")
-
-
-def _open(kind: str) -> Handler:
-    def read(scanner: Scanner, reading: LineContext) -> Step:
-        _refuse_without(reading)
-        reading.filling = FillTarget.KINEMATIC
-        return lambda context: buffers.open_kinematic(context, kind)
-
-    return read
-
-
-def _list(kind: str) -> Handler:
-    def read(scanner: Scanner, reading: LineContext) -> Step:
-        _refuse_without(reading)
-        part = take_range(scanner)
-
-        def step(context: Context) -> None:
-            buffers.refuse_locked(context.controller)
-            lines = context.system.kinematic_lines.get(kind)
-            if lines is None:
-                raise PmacError(ErrorCode.DATA_ERROR, f"&{context.system_number} has no {kind} program")
-            context.list_lines(part.of(lines, context))
-
-        return step
-
-    return read
-
-
-def _delete(kind: str) -> Handler:
-    def read(scanner: Scanner, reading: LineContext) -> Step:
-        _refuse_without(reading)
-        return lambda context: buffers.delete_kinematic(context, kind)
-
-    return read
-
-
-KINEMATIC_WORDS: dict[str, Handler] = {
-    **{f"OPEN{word}": _open(kind) for word, kind in KINDS.items()},
-    **{f"LIST{word}": _list(kind) for word, kind in KINDS.items()},
-    **{f"{delete}{word}": _delete(kind) for delete in ("DELETE", "DEL") for word, kind in KINDS.items()},
-}
 
 
 def read_card(scanner: Scanner) -> int | None:
@@ -201,9 +152,7 @@ WORDS: dict[str, Handler] = {
     "&": _address_system,
     **dict.fromkeys(("UNDEFINE", "UNDEF"), _undefine),
 }
-_ALWAYS_ON_LINE = (
-    WORDS | buffer_words.WORDS | status.CARD_WORDS | KINEMATIC_WORDS | status.WORDS | systems.WORDS | values.WORDS
-)
+_ALWAYS_ON_LINE = WORDS | buffer_words.WORDS | status.CARD_WORDS | status.WORDS | systems.WORDS | values.WORDS
 """Words that are never stored, even while a buffer is open."""
 
 # With those of programs; the longest wins.
@@ -266,7 +215,7 @@ def _read(text: str, context: Context) -> tuple[Step, ...]:
     filling = context.filling
     if "@" in text:
         return _parse_addressed_line(text, context)
-    if filling is FillTarget.NOWHERE and not context.controller.tables.is_filled_by(context):
+    if filling is None and not context.controller.tables.is_filled_by(context):
         return _parse_stateless_line(text, context.dialect)
     return tuple(_commands(Scanner(text), LineContext(text, context.dialect, filling), _first_of(context)))
 
