@@ -8,14 +8,13 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from random import Random
 
-from drivers.simulator.faults.catalogue import AFTER, FOR, SEED, Fault, Parameter, Value, find, refusal
+from drivers.simulator.faults.catalogue import AFTER, FOR, SEED, Fault, Value, find, refusal
 from drivers.simulator.faults.effects import Effect, FaultTarget, effect_of
 
 MOST_FAULTS = 1000  # maximum number of pending and active faults
-_AFTER_S, _FOR_S = replace(AFTER, name="after_s"), replace(FOR, name="for_s")  # names in a function call
 
 
 @dataclass(slots=True, kw_only=True)
@@ -45,27 +44,23 @@ class FaultBoard:
 
         Raises RefusedError: `simulator.fault`, there is no such fault or parameter, or a value is out of range.
         """
-        given = {_AFTER_S.name: after_s, SEED.name: seed, **parameters}
-        return self.ask(name, given if for_s is None else {**given, _FOR_S.name: for_s}, _AFTER_S, _FOR_S)
+        given = {AFTER.name: after_s, SEED.name: seed, **parameters}
+        return self.ask(name, given if for_s is None else {**given, FOR.name: for_s})
 
-    def ask(
-        self, name: str, given: Mapping[str, Value], after: Parameter = AFTER, lasting: Parameter = FOR
-    ) -> InjectedFault:
+    def ask(self, name: str, given: Mapping[str, Value]) -> InjectedFault:
         """Do the same as `inject`, with values that may be text, also the times. Raises what `inject` does."""
         fault = find(name)
-        times = {time.name: time for time in ((after, SEED) if fault.moment else (after, lasting, SEED))}
-        values = fault.settle({key: value for key, value in given.items() if key not in times}, times)
-        timed = {key: float(times[key].check(value, name)) for key, value in given.items() if key in times}
+        values, times = fault.settle(given)
         if len(self._injected) >= MOST_FAULTS:
             raise refusal(name, "fault", f"{len(self._injected) + 1}", f"{MOST_FAULTS} at once; `clear` ends them")
-        seed = int(timed.get(SEED.name, 0.0))
-        begins_s = self._site.lines.now_s() + timed.get(after.name, 0.0)
+        seed = int(times.get(SEED.name, 0.0))
+        begins_s = self._site.lines.now_s() + times.get(AFTER.name, 0.0)
         injected = InjectedFault(
             fault=fault,
             values=values,
             seed=seed,
             begins_s=begins_s,
-            ends_s=begins_s + timed.get(lasting.name, math.inf),
+            ends_s=begins_s + times.get(FOR.name, math.inf),
             effect=effect_of(name, values, Random(seed), self._site),
         )
         self._injected += (injected,)
@@ -141,11 +136,7 @@ def given_in(name: str, settings: Sequence[str]) -> dict[str, Value]:
 def check_line(line: str) -> None:
     """Check a line without injecting anything. Raises RefusedError: `simulator.fault`, it is no fault."""
     words = words_of(line)
-    given, fault = given_in(words[0], words[1:]), find(words[0])
-    times = {time.name: time for time in fault.times}
-    fault.settle({key: value for key, value in given.items() if key not in times}, times)
-    for key in given.keys() & times.keys():
-        times[key].check(given[key], fault.name)
+    find(words[0]).settle(given_in(words[0], words[1:]))
 
 
 def words_of(line: str) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from typing import TypeAlias
@@ -102,19 +102,18 @@ class Fault:
     parameters: tuple[Parameter, ...] = ()
     moment: bool = False
 
-    def settle(self, given: Mapping[str, Value], times: Iterable[str]) -> dict[str, Value]:
-        """Return the value of each parameter, as given or by default.
-
-        `times` are the other permitted names: a refusal lists them, too.
+    def settle(self, given: Mapping[str, Value]) -> tuple[dict[str, Value], dict[str, float]]:
+        """Return the value of each parameter, as given or by default, and the given times and seed.
 
         Raises RefusedError: `simulator.fault`, one is not known or out of range.
         """
-        known = {parameter.name: parameter for parameter in self.parameters}
+        known = {parameter.name: parameter for parameter in (*self.parameters, *self.times)}
         for name in given:
             if name not in known:
-                raise refusal(self.name, "parameter", name, ", ".join([*known, *times]))
-        values = {name: parameter.default for name, parameter in known.items() if parameter.default is not None}
-        return values | {name: known[name].check(value, self.name) for name, value in given.items()}
+                raise refusal(self.name, "parameter", name, ", ".join(known))
+        values = {each.name: each.default for each in self.parameters if each.default is not None}
+        values |= {name: known[name].check(value, self.name) for name, value in given.items()}
+        return values, {time.name: float(values.pop(time.name)) for time in self.times if time.name in values}
 
     @property
     def times(self) -> tuple[Parameter, ...]:
