@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from drivers.pmac.settings import settings_with
 from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.hosts.control_socket import answer
-from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide, Presliding, linear_motor, rotary_motor
+from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide, Presliding, linear_motor
 from drivers.simulator.plant.drives import Drives, build_drives
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.servo_gains import ServoGains
@@ -164,21 +164,6 @@ def test_a_held_tool_gives_way_only_when_the_friction_is_overcome() -> None:
         axis = ServoAxis(mass, gains(ix31=0, ix32=0, ix33=0), CYCLE_S)
         axis.close_loop()
         assert (axis.follow([error] * 100)[-1] != 0.0) == moves
-
-
-def test_a_rotor_is_a_slide_in_counts_of_its_turn() -> None:
-    """1 N m on 0.002 kg m2 is 500 rad/s2, 79.6 turns/s2."""
-    rotor = rotary_motor(
-        inertia_kg_m2=0.002,
-        drag_n_m_s_per_rad=0.004,
-        torque_n_m_per_bit=1.0,
-        peak_output_bits=1.0,
-        counts_per_turn=10_000.0,
-        friction_n_m=0.5,
-    )
-    assert rotor.acceleration_per_bit == pytest.approx(500 / (2 * math.pi) * 10_000)
-    assert rotor.friction == pytest.approx(250 / (2 * math.pi) * 10_000)
-    assert rotor.damping_per_s == pytest.approx(2.0)
 
 
 # Dry friction that builds up over a distance: by its differential equation, and by what it does to a tool.

@@ -11,10 +11,11 @@ import pytest
 from drivers.pmac.settings import settings_with
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.drives import Drives, build_drives
-from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
+from drivers.simulator.plant.inverter import InverterSpindle
 from drivers.simulator.plant.spindle import SimulatedSpindle
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from profiles.machine import MachineProfile
+from profiles.store import load_machine
 
 CYCLE_S = 3_713_707 / 8_388_608_000
 TURN = 10_000.0
@@ -38,14 +39,15 @@ def ramp(rpm: float, seconds: float, rpm_per_s: float = 1000.0) -> list[float]:
 
 def inverter(**changed: float) -> InverterSpindle:
     values = {
-        "inertia_kg_m2": 0.02,
-        "drag_n_m_s_per_rad": 0.01,
-        "friction_n_m": 0.0,
-        "peak_torque_n_m": 50.0,
+        "spindle_inertia_kg_m2": 0.02,
+        "spindle_drag_n_m_s_per_rad": 0.01,
+        "spindle_friction_n_m": 0.0,
+        "spindle_peak_torque_n_m": 50.0,
         "ramp_rpm_per_s": 500.0,
         "slip_rpm": 60.0,
     }
-    return InverterSpindle(InductionDrive(**{**values, **changed}), TURN, CYCLE_S, 0.0)
+    true = ideal(load_machine("lee-2001-lathe").machine)
+    return InverterSpindle(replace(true, **{**values, **changed}), TURN, CYCLE_S, 0.0)  # type: ignore[arg-type]
 
 
 def with_inverter(machine: MachineProfile) -> MachineProfile:
@@ -305,7 +307,7 @@ def test_an_inverter_spindle_runs_out_by_its_friction_and_is_caught_at_its_speed
     spindle.set_rpm(1000.0)
     spindle.coast(1)
     assert spindle.speed_rpm == pytest.approx(1000.0 * math.exp(-1), rel=2e-3)
-    spindle = inverter(friction_n_m=0.5)
+    spindle = inverter(spindle_friction_n_m=0.5)
     spindle.set_rpm(1000.0)
     spindle.coast(round(2.5 / CYCLE_S))
     spindle.switch_off()

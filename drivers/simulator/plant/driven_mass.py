@@ -76,25 +76,6 @@ def linear_motor(
     )
 
 
-def rotary_motor(
-    *,
-    inertia_kg_m2: float,
-    drag_n_m_s_per_rad: float,
-    torque_n_m_per_bit: float,
-    peak_output_bits: float,
-    counts_per_turn: float,
-    friction_n_m: float = 0.0,
-) -> DrivenMass:
-    """Return the rotor of a torque motor."""
-    counts_per_rad = counts_per_turn / (2.0 * math.pi)
-    return DrivenMass(
-        damping_per_s=drag_n_m_s_per_rad / inertia_kg_m2,
-        acceleration_per_bit=torque_n_m_per_bit / inertia_kg_m2 * counts_per_rad,
-        peak_output_bits=peak_output_bits,
-        friction=friction_n_m / inertia_kg_m2 * counts_per_rad,
-    )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurrentLag:
     """Effect of a current lag within a servo cycle; exact for a constant command.

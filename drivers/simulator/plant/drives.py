@@ -10,8 +10,8 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.jog_motion import HomeSensor
 from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.plant.axis import Axis, IdealAxis, NoisyScale, Scale, ends_at
-from drivers.simulator.plant.driven_mass import Presliding, SimulatedMode, linear_motor, rotary_motor
-from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
+from drivers.simulator.plant.driven_mass import DrivenMass, Presliding, SimulatedMode, linear_motor
+from drivers.simulator.plant.inverter import InverterSpindle
 from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.spindle import RadialError, SimulatedSpindle
 from drivers.simulator.plant.tip_load import TipGeometry, TipLoad
@@ -143,25 +143,16 @@ def _spindle_drive(
     counts_per_turn = spindle.counts_per_rev * true.belt_ratio
     start_counts = float(round(true.spindle_start_turns * counts_per_turn))
     if spindle.drive == "inverter":
-        drive = InductionDrive(
-            inertia_kg_m2=true.spindle_inertia_kg_m2,
-            drag_n_m_s_per_rad=true.spindle_drag_n_m_s_per_rad,
-            friction_n_m=true.spindle_friction_n_m,
-            peak_torque_n_m=true.spindle_peak_torque_n_m,
-            ramp_rpm_per_s=true.ramp_rpm_per_s,
-            slip_rpm=true.slip_rpm,
-        )
-        return InverterSpindle(drive, counts_per_turn, cycle_s, start_counts)
+        return InverterSpindle(true, counts_per_turn, cycle_s, start_counts)
     if true.ideal_spindle:
         return IdealAxis(cycle_s, true.coast_s, origin=start_counts)
-    rotor = rotary_motor(
-        inertia_kg_m2=true.spindle_inertia_kg_m2,
-        drag_n_m_s_per_rad=true.spindle_drag_n_m_s_per_rad,
+    inertia_kg_m2, counts_per_rad = true.spindle_inertia_kg_m2, counts_per_turn / (2.0 * math.pi)
+    rotor = DrivenMass(
+        damping_per_s=true.spindle_drag_n_m_s_per_rad / inertia_kg_m2,
         # The amplifier gives the peak torque at the full scale of the output.
-        torque_n_m_per_bit=true.spindle_peak_torque_n_m / DAC_BITS,
+        acceleration_per_bit=true.spindle_peak_torque_n_m / DAC_BITS / inertia_kg_m2 * counts_per_rad,
         peak_output_bits=DAC_BITS,
-        counts_per_turn=counts_per_turn,
-        friction_n_m=true.spindle_friction_n_m,
+        friction=true.spindle_friction_n_m / inertia_kg_m2 * counts_per_rad,
     )
     gains = _gains(spindle.motor, setting, true.notch_reading)
     return ServoAxis(rotor, gains, cycle_s, origin=start_counts)

@@ -7,33 +7,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from drivers.simulator.plant.axis import EncoderAxis, read_encoder
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InductionDrive:
-    """The motor and its inverter, at the spindle; the slip is `slip_rpm` at `peak_torque_n_m`, or less below."""
-
-    inertia_kg_m2: float
-    drag_n_m_s_per_rad: float
-    friction_n_m: float
-    peak_torque_n_m: float
-    ramp_rpm_per_s: float
-    slip_rpm: float
+from drivers.simulator.plant.true_parameters import TrueParameters
 
 
 class InverterSpindle(EncoderAxis):
     """A spindle that turns as its inverter commands, whatever the controller commands.
 
-    `load_n_m` is the torque of the cut. Enabled while it coasts, the inverter catches it at its speed.
+    `load_n_m` is the torque of the cut. Enabled while it coasts, the inverter catches it at its speed. The slip is
+    `slip_rpm` of its true parameters at the peak torque, or less below.
     """
 
-    def __init__(self, drive: InductionDrive, counts_per_turn: float, cycle_s: float, origin: float) -> None:
+    def __init__(self, true: TrueParameters, counts_per_turn: float, cycle_s: float, origin: float) -> None:
         super().__init__(origin)
         self.load_n_m = 0.0
-        self._drive = drive
+        self._true = true
         self._counts_per_rad = counts_per_turn / (2.0 * math.pi)
         self._cycle_s = cycle_s
         self._speed = 0.0  # rad/s
@@ -87,19 +76,20 @@ class InverterSpindle(EncoderAxis):
 
     def _next_speed(self) -> float:
         """Return the speed a cycle later: the field less the slip, or decelerated by drag and load."""
-        drive = self._drive
-        against_n_m = drive.friction_n_m + self.load_n_m
+        true = self._true
+        inertia_kg_m2, drag_n_m_s_per_rad = true.spindle_inertia_kg_m2, true.spindle_drag_n_m_s_per_rad
+        against_n_m = true.spindle_friction_n_m + self.load_n_m
         if self._target is None:
-            slower = self._speed * math.exp(-drive.drag_n_m_s_per_rad / drive.inertia_kg_m2 * self._cycle_s)
-            slower -= math.copysign(against_n_m / drive.inertia_kg_m2 * self._cycle_s, self._speed)
+            slower = self._speed * math.exp(-drag_n_m_s_per_rad / inertia_kg_m2 * self._cycle_s)
+            slower -= math.copysign(against_n_m / inertia_kg_m2 * self._cycle_s, self._speed)
             stopped = self.jammed or slower * self._speed <= 0.0
             return 0.0 if stopped else slower
         if self.jammed:
             self._field = 0.0  # freed, it accelerates again by the ramp
             return 0.0
-        most = drive.ramp_rpm_per_s * math.pi / 30.0 * self._cycle_s
+        most = true.ramp_rpm_per_s * math.pi / 30.0 * self._cycle_s
         self._field += max(-most, min(self._target - self._field, most))
-        per_n_m = drive.slip_rpm * math.pi / 30.0 / drive.peak_torque_n_m
+        per_n_m = true.slip_rpm * math.pi / 30.0 / true.spindle_peak_torque_n_m
         loaded = abs(self._field) - per_n_m * against_n_m
         # The drag is part of the load, and depends on the resulting speed.
-        return math.copysign(max(loaded, 0.0) / (1.0 + per_n_m * drive.drag_n_m_s_per_rad), self._field)
+        return math.copysign(max(loaded, 0.0) / (1.0 + per_n_m * drag_n_m_s_per_rad), self._field)

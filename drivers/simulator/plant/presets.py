@@ -110,24 +110,27 @@ SPREAD = "spread"
 WIDEST_SD = 3.0  # no value is further from that of the file: a lathe in 370 would be
 
 
-def spread_fields(fields: tuple[Field, ...]) -> tuple[Field, ...]:
-    """Return what a table of standard deviations may hold: one for each number of a plant, in its unit."""
-    return tuple(
-        replace(each, above=None, at_least=0.0, at_most=_width(each), default=0.0, optional=False)
-        for each in fields
-        if each.kind is FieldType.NUMBER
-    )
+def _width(field: Field) -> float:
+    """Return the range of a field: both of its bounds are numbers."""
+    low = field.at_least if field.above is None else field.above
+    return (field.at_most or math.inf) - (low or 0.0)
 
 
-def draw_lathe_values(
-    values: Mapping[str, Any], sd: Mapping[str, float], fields: tuple[Field, ...], seed: int
-) -> dict[str, Any]:
+SPREAD_FIELDS = tuple(
+    replace(each, above=None, at_least=0.0, at_most=_width(each), default=0.0, optional=False)
+    for each in PLANT_FIELDS
+    if each.kind is FieldType.NUMBER
+)
+"""What a table of standard deviations may hold: one for each number of a plant, in its unit."""
+
+
+def _draw_values(values: Mapping[str, Any], sd: Mapping[str, float], seed: int) -> dict[str, Any]:
     """Return the values of one lathe: each normal about that of its file, again until it is within its limits.
 
     Each key has random numbers of its own, so that another key in the file leaves them as they are.
     """
     found = dict(values)
-    known = {each.key: each for each in fields}
+    known = {each.key: each for each in PLANT_FIELDS}
     for key, width in sd.items():
         if width > 0.0:
             found[key] = _draw_value(known[key], values[key], width, Random(f"{seed} {key} of the plant"))
@@ -139,15 +142,6 @@ def _draw_value(field: Field, mean: float, sd: float, random: Random) -> float:
         value = random.gauss(mean, sd)
         if abs(value - mean) <= WIDEST_SD * sd and not fault(field, value):
             return value
-
-
-def _width(field: Field) -> float:
-    """Return the range of a field: both of its bounds are numbers."""
-    low = field.at_least if field.above is None else field.above
-    return (field.at_most or math.inf) - (low or 0.0)
-
-
-SPREAD_FIELDS = spread_fields(PLANT_FIELDS)
 
 
 def plant_named(
@@ -209,7 +203,7 @@ def _values(name_or_path: str, seed: int) -> tuple[Mapping[str, Any], str, bool]
     ]
     if problems or found:
         raise ProfileError(*problems, *found)
-    return draw_lathe_values(values, widths, PLANT_FIELDS, seed), where, any(widths.values())
+    return _draw_values(values, widths, seed), where, any(widths.values())
 
 
 def _path_of(name_or_path: str) -> Path:
