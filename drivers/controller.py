@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from drivers.link.base import Link
@@ -65,3 +65,9 @@ class Controller(Protocol):
 
     def download(self, lines: Iterable[str]) -> None:
         """Send the lines of a program; stop at the first that is rejected and leave no buffer open."""
+
+
+def query_in_lines(client: Controller, items: Sequence[str], a_line: int) -> list[str]:
+    """Query any number of values, `a_line` of them in a line, each line again after a fault; raises as `query`."""
+    lines = (items[start : start + a_line] for start in range(0, len(items), a_line))
+    return [text for line in lines for text in client.query(*line, again=True)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from profiles.problem import ProblemError
+from profiles.problem import Problem, ProblemError
 
 
 class DriverError(ProblemError):
@@ -27,3 +27,8 @@ class ControllerError(DriverError):
 
 class RefusedError(DriverError):
     """Refused by the host before anything was sent: the machine is unchanged."""
+
+
+def out_of_step(where: str, key: str, value: str) -> LinkError:
+    """Return the error for an answer that does not match its query."""
+    return LinkError(Problem(code="link.out_of_step", where=where, key=key, value=value))

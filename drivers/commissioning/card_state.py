@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from drivers.commissioning.check import Check, Group, severity
 from drivers.commissioning.checked_configuration import CheckedConfiguration
-from drivers.commissioning.reading import out_of_step
-from drivers.controller import Controller
+from drivers.controller import Controller, query_in_lines
+from drivers.errors import out_of_step
 from drivers.pmac.dialect import Dialect, SettingScope
 from drivers.pmac.heartbeat.arming import activity_name
 from drivers.pmac.reserved import HEARTBEAT_PLC, LOST
@@ -93,10 +93,9 @@ def _check(group: Group, code: str, names: Iterable[str], subject: str = "") -> 
 
 def _flags(client: Controller, questions: Sequence[str], table: BitTable) -> list[Flags]:
     found = []
-    for start in range(0, len(questions), STATUS_A_LINE):
-        for digits in client.query(*questions[start : start + STATUS_A_LINE], again=True):
-            try:
-                found.append(decode(digits.strip(), table))
-            except ValueError as error:
-                raise out_of_step(client.link.address, "?", str(error)) from error
+    for digits in query_in_lines(client, questions, STATUS_A_LINE):
+        try:
+            found.append(decode(digits.strip(), table))
+        except ValueError as error:
+            raise out_of_step(client.link.address, "?", str(error)) from error
     return found

@@ -21,8 +21,8 @@ from drivers.commissioning.configuration import (
     fleeting_settings,
 )
 from drivers.commissioning.user_buffer import BYTES_A_WORD, Seen, read_place, read_words
-from drivers.controller import Controller
-from drivers.errors import ControllerError, LinkError, RefusedError
+from drivers.controller import Controller, query_in_lines
+from drivers.errors import ControllerError, RefusedError, out_of_step
 from drivers.pmac.buffer_text import BufferKind, in_full
 from drivers.pmac.dialect import Dialect, SettingScope
 from drivers.pmac.expected_replies import number_of, replied_number
@@ -285,12 +285,9 @@ def number_in(text: str, where: str) -> float:
 
 def read_settings(client: Controller, numbers: Iterable[int]) -> Mapping[int, float]:
     """Return some I-variables by number; the controller must have all of them."""
-    asked, found, where = list(numbers), dict[int, float](), client.link.address
-    for start in range(0, len(asked), SETTINGS_A_LINE):
-        part = asked[start : start + SETTINGS_A_LINE]
-        texts = client.query(*(f"I{index}" for index in part), again=True)
-        found.update({index: number_in(text, where) for index, text in zip(part, texts, strict=True)})
-    return found
+    asked, where = list(numbers), client.link.address
+    texts = query_in_lines(client, [f"I{index}" for index in asked], SETTINGS_A_LINE)
+    return {index: number_in(text, where) for index, text in zip(asked, texts, strict=True)}
 
 
 def read_gathering(client: Controller, dialect: Dialect) -> Mapping[int, float]:
@@ -332,15 +329,13 @@ def _part(client: Controller, part: range, form: str) -> Iterator[tuple[int, str
 
 def _axes(client: Controller, dialect: Dialect, motors: Sequence[int]) -> Iterator[tuple[int, AxisEntry]]:
     """Yield the definitions; a motor is asked for in its own system, since in another one it has none."""
-    for start in range(0, len(motors), MOTORS_A_LINE):
-        part = motors[start : start + MOTORS_A_LINE]
-        states = client.query(*(f"#{motor}?" for motor in part), again=True)
-        systems = [_system_of(state, dialect, client.link.address) for state in states]
-        asked = (f"&{system}#{motor}-> &1" for system, motor in zip(systems, part, strict=True))
-        found = client.query(*asked, again=True)
-        for motor, system, text in zip(part, systems, found, strict=True):
-            if text.strip() != "0":
-                yield motor, AxisEntry(system, text.strip())
+    states = query_in_lines(client, [f"#{motor}?" for motor in motors], MOTORS_A_LINE)
+    systems = [_system_of(state, dialect, client.link.address) for state in states]
+    asked = [f"&{system}#{motor}-> &1" for system, motor in zip(systems, motors, strict=True)]
+    found = query_in_lines(client, asked, MOTORS_A_LINE)
+    for motor, system, text in zip(motors, systems, found, strict=True):
+        if text.strip() != "0":
+            yield motor, AxisEntry(system, text.strip())
 
 
 def _system_of(status: str, dialect: Dialect, where: str) -> int:
@@ -421,8 +416,3 @@ def _conversion(client: Controller, dialect: Dialect) -> tuple[int, ...]:
         except ValueError as error:
             raise out_of_step(client.link.address, "RHY", text[:40]) from error
     return tuple(words)
-
-
-def out_of_step(where: str, key: str, value: str) -> LinkError:
-    """Return the error for an answer that does not match its query."""
-    return LinkError(Problem(code="link.out_of_step", where=where, key=key, value=value))

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from drivers.controller import Controller
-from drivers.errors import ControllerError, LinkError, RefusedError
+from drivers.errors import ControllerError, RefusedError, out_of_step
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language.errors import ErrorCode
@@ -73,7 +73,7 @@ def read_place(client: Controller, dialect: Dialect) -> range | None:
     try:
         start = float(int(text, 16)) if memory.setting is None else number_of(text)
     except ValueError as error:
-        raise _out_of_step(where, line, text) from error
+        raise out_of_step(where, line, text[:40]) from error
     if memory.setting is None and not start:
         return range(memory.ends[0], memory.ends[0])  # never defined
     end = next((end for end in memory.ends if start <= end), None)
@@ -100,14 +100,10 @@ def _part(client: Controller, space: str, start: int, count: int) -> list[int]:
     try:
         found = [int(word, 16) for word in text.split()]
     except ValueError as error:
-        raise _out_of_step(client.link.address, line, text) from error
+        raise out_of_step(client.link.address, line, text[:40]) from error
     if len(found) != count or not all(0 <= word <= HIGHEST_WORD for word in found):
-        raise _out_of_step(client.link.address, line, text)
+        raise out_of_step(client.link.address, line, text[:40])
     return found
-
-
-def _out_of_step(where: str, key: str, value: str) -> LinkError:
-    return LinkError(Problem(code="link.out_of_step", where=where, key=key, value=value[:40]))
 
 
 def title(place: range) -> str:

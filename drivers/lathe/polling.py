@@ -16,7 +16,7 @@ from types import MappingProxyType
 from drivers.clock import Clock
 from drivers.controller import REPLY_TIMEOUT_S, Controller
 from drivers.cutting.watch_table import CutWatch, WatchItem, values_of
-from drivers.errors import DriverError, LinkError
+from drivers.errors import DriverError, LinkError, out_of_step
 from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.held_positions import HeldPositions
@@ -85,8 +85,7 @@ class SnapshotItems:
                 inputs=self._inputs(*words),
             )
         except ValueError as error:
-            problem = Problem(code="link.out_of_step", where=where, key=" ".join(self.items), value=str(error))
-            raise LinkError(problem) from error
+            raise out_of_step(where, " ".join(self.items), str(error)) from error
 
     def _axis_of(self, position: str, error: str, status: str) -> AxisState:
         axis = AxisState(number_of(position), number_of(error), self._motor_flags(status))

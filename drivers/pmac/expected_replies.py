@@ -12,8 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
-from drivers.errors import LinkError
-from profiles.problem import Problem
+from drivers.errors import out_of_step
 
 _NUMBER = r"[-+]?(?:\$[0-9A-F]++|\d++(?:\.\d*+)?|\.\d++)"
 _END_OF_VALUE = r"(?![\w.])(?!\s*(?:[-+*/|^&%(=<>]|\.\.))"
@@ -129,8 +128,7 @@ def replied_number(answer: str, where: str, line: str) -> float:
     try:
         return number_of(answer)
     except ValueError as error:
-        problem = Problem(code="link.out_of_step", where=where, key=line[:SHOWN], value=str(error))
-        raise LinkError(problem) from error
+        raise out_of_step(where, line[:SHOWN], str(error)) from error
 
 
 def _skip(text: str, place: int) -> int:

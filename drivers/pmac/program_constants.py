@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from drivers.controller import Controller
+from drivers.controller import Controller, query_in_lines
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language import syntax
@@ -107,11 +107,8 @@ def _assignments(program: ProgramText) -> Iterator[tuple[str, syntax.Expression]
 def read_values(client: Controller, names: Iterable[str]) -> dict[str, float]:
     """Query variables, as many in a line as the controller accepts."""
     asked = list(dict.fromkeys(names))
-    found: dict[str, float] = {}
-    for start in range(0, len(asked), ITEMS_A_LINE):
-        part = asked[start : start + ITEMS_A_LINE]
-        found.update(zip(part, client.numbers(*part, again=True), strict=True))
-    return found
+    texts = query_in_lines(client, asked, ITEMS_A_LINE)
+    return {name: client.number(text) for name, text in zip(asked, texts, strict=True)}
 
 
 def _differing(planned: Mapping[str, float], actual: Mapping[str, float], code: str) -> Iterator[Problem]:

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drivers.controller import Controller
-from drivers.errors import LinkError
+from drivers.errors import out_of_step
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.status import BITS_PER_WORD, BitTable
 from profiles.machine import MachineProfile
-from profiles.problem import Problem
 
 _DIGITS = BITS_PER_WORD // 4
 
@@ -62,7 +61,7 @@ def decode_replies(
             for (subject, item, table), text in zip(items, found, strict=True)
         )
     except ValueError as error:
-        raise LinkError(Problem(code="link.out_of_step", where=where, key="?", value=str(error))) from error
+        raise out_of_step(where, "?", str(error)) from error
 
 
 def _bits(digits: str, table: BitTable) -> tuple[StatusBit, ...]:

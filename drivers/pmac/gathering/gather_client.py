@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.controller import REPLY_TIMEOUT_S, Controller
+from drivers.controller import REPLY_TIMEOUT_S, Controller, query_in_lines
 from drivers.errors import ControllerError
 from drivers.pmac.dialect import Dialect
+from drivers.pmac.expected_replies import number_of
 from drivers.pmac.gathering.gather import GatherError, gather_settings, listed_words, long_words_of, unpack
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.master.time_base import COUNT_PARTS
@@ -275,16 +276,11 @@ class DataGathering:
     def _read(self, indices: Iterable[int]) -> Mapping[int, float]:
         """Return I-variables, parsed in any form of I9."""
         asked = list(indices)
-        found: dict[int, float] = {}
-        for first in range(0, len(asked), _SETTINGS_A_LINE):
-            part = asked[first : first + _SETTINGS_A_LINE]
-            texts = self.client.query(*(f"I{index}" for index in part))
-            found.update({index: self._number(index, text) for index, text in zip(part, texts, strict=True)})
-        return found
+        texts = query_in_lines(self.client, [f"I{index}" for index in asked], _SETTINGS_A_LINE)
+        return {index: self._number(index, text) for index, text in zip(asked, texts, strict=True)}
 
     def _number(self, index: int, text: str) -> float:
-        digits = text.strip().removeprefix(f"I{index}=")
         try:
-            return float(int(digits[1:], 16)) if digits.startswith("$") else float(digits)
+            return number_of(text)
         except ValueError as error:
             raise GatherError(f"{self._address}: I{index} is {text!r}, no number; read it again") from error

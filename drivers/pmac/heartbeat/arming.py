@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 from drivers.clock import Clock
-from drivers.controller import Controller
+from drivers.controller import Controller, query_in_lines
 from drivers.errors import ControllerError
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
@@ -84,10 +84,8 @@ def read_heartbeat(client: Controller, clock: Clock, machine: MachineProfile, di
         f"I{PERMISSION}", f"I{SERVO_PERIOD}", *(f"P{number}" for number in names), again=True
     )
     numbers = tuple(definitions(machine, dialect))
-    found: dict[int, str] = {}
-    for start in range(0, len(numbers), ITEMS_PER_LINE):
-        batch = numbers[start : start + ITEMS_PER_LINE]
-        found.update(zip(batch, client.query(*(f"M{number}->" for number in batch), again=True), strict=True))
+    pointers = query_in_lines(client, [f"M{number}->" for number in numbers], ITEMS_PER_LINE)
+    found = dict(zip(numbers, pointers, strict=True))
     try:
         listing = client.question(f"LIST PLC{reserved.HEARTBEAT_PLC}", LIST_TIMEOUT_S)
     except ControllerError as refused:

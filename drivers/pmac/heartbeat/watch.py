@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from drivers.clock import Clock
 from drivers.controller import Controller
-from drivers.errors import LinkError
+from drivers.errors import out_of_step
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.expected_replies import number_of
@@ -180,8 +180,7 @@ class MotorWatch:
                 },
             )
         except ValueError as error:
-            where, value = self.client.link.address, str(error)
-            raise LinkError(Problem(code="link.out_of_step", where=where, key="P ? ??", value=value)) from error
+            raise out_of_step(self.client.link.address, "P ? ??", str(error)) from error
 
 
 def rests(looks: Sequence[MotorPoll]) -> bool:
