@@ -22,9 +22,8 @@ from drivers.identification.identify import restore_after
 from drivers.identification.measuring import SPARE_SAMPLES, SettingsComparison, measure, run_gathered
 from drivers.identification.request import (
     AMPLITUDE_UM,
-    CLEAR_MM,
     IdentificationRequest,
-    clearance_mm,
+    clearance_problems,
     request_problems,
 )
 from drivers.identification.result import IdentifiedPoint, ResponseOrigin
@@ -203,10 +202,7 @@ def _find_travel_problems(request: HealthRequest, machine: MachineProfile) -> It
             yield Problem(
                 code="health.beyond_drive", key=key, value=f"{value:.4g} {unit}", limit=f"< {limit:.4g} {unit}"
             )
-    clear_mm = clearance_mm(machine, request.parabola_um)
-    if clear_mm < CLEAR_MM:
-        value_, limit_ = f"{clear_mm:.3g} mm", f">= {CLEAR_MM:g} mm"
-        yield Problem(code="identify.not_clear", key="tool", value=value_, limit=limit_)
+    yield from clearance_problems(machine, request.parabola_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -50,6 +50,14 @@ def clearance_mm(machine: MachineProfile, amplitude_um: float) -> float:
     return machine.tool.home_radius_mm - 2.0 * machine.chuck.jaw_radius_mm - amplitude_um / 1000.0
 
 
+def clearance_problems(machine: MachineProfile, swing_um: float) -> Iterator[Problem]:
+    """Check that the tool stays clear of everything on its swing."""
+    clear_mm = clearance_mm(machine, swing_um)
+    if clear_mm < CLEAR_MM:
+        value, limit = f"{clear_mm:.3g} mm", f">= {CLEAR_MM:g} mm"
+        yield Problem(code="identify.not_clear", key="tool", value=value, limit=limit)
+
+
 def request_problems(request: IdentificationRequest, machine: MachineProfile) -> tuple[Problem, ...]:
     """Return everything that forbids this request on this machine; nothing is sent for it."""
     asked = (*_path_and_amplitude(request, machine), *_frequencies(request, machine), *_lengths(request))
@@ -119,10 +127,7 @@ def _drive(machine: MachineProfile, amplitude_um: float, frequency_hz: float) ->
 
 def _clearance(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
     """Check that the tool swings clear, and that the travel of a table's path fits the axis."""
-    clear_mm = clearance_mm(machine, request.amplitude_um)
-    if clear_mm < CLEAR_MM:
-        value, limit = f"{clear_mm:.3g} mm", f">= {CLEAR_MM:g} mm"
-        yield Problem(code="identify.not_clear", key="tool", value=value, limit=limit)
+    yield from clearance_problems(machine, request.amplitude_um)
     if not request.path.traits.by_table:
         return
     highest = max(request.frequencies_hz)

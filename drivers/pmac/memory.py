@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.expressions import parse_number
 from drivers.pmac.language.lexer import Scanner
 
 WORD_BITS = 24
@@ -93,23 +94,23 @@ def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
     if space is None:
         raise scanner.refusal("a definition as in M1->Y:$C0,8,4")
     scanner.accept(":")
-    address = _integer(scanner, HIGHEST_MULTIPLEXED if space in MULTIPLEXED_SPACES else highest_address)
+    address = parse_number(scanner, 0, HIGHEST_MULTIPLEXED if space in MULTIPLEXED_SPACES else highest_address)
     if space in LONG_SPACES or space == "TWS":
         return Pointer(space=space, address=address)
     if space in SHORT_SPACES:
         return _part_of_word(scanner, space, address)
     scanner.expect(",")
-    offset = _integer(scanner, 7)
+    offset = parse_number(scanner, 0, 7)
     if space == "TWR":
         return Pointer(space=space, address=address, offset=offset)
     scanner.expect(",")
-    width = _integer(scanner, 32)
+    width = parse_number(scanner, 0, 32)
     return Pointer(space=space, address=address, offset=offset, width=width, signed=_read_sign(scanner))
 
 
 def _part_of_word(scanner: Scanner, space: str, address: int) -> Pointer:
     scanner.expect(",")
-    offset, width = _integer(scanner, WHOLE_WORD), 1
+    offset, width = parse_number(scanner, 0, WHOLE_WORD), 1
     mark = scanner.mark()
     if scanner.accept(","):
         given = scanner.take_integer()
@@ -131,10 +132,3 @@ def _read_sign(scanner: Scanner) -> bool:
         return True
     scanner.expect("U")
     return False
-
-
-def _integer(scanner: Scanner, highest: int) -> int:
-    value = scanner.take_integer()
-    if value is None or value > highest:
-        raise scanner.refusal(f"a number up to {highest}")
-    return value

@@ -21,6 +21,7 @@ from drivers.pmac.language.expressions import (
     OPEN_PLC,
     OPEN_PROGRAM,
     TRAILING_CLOSE,
+    parse_number,
 )
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.listing import stored_plc_lines
@@ -247,7 +248,7 @@ class _TextContent:
         elif self.program is not None or self.plc is not None or self.calculation is not None:
             raise PmacError(ErrorCode.BUFFER_IN_USE, "CLOSE is missing before the next OPEN")
         elif word in OPEN_PLC:
-            number = _number(scanner, 0, HIGHEST_PLC)
+            number = parse_number(scanner, 0, HIGHEST_PLC)
             self.plc = self.plcs.setdefault(number, [])
             self.buffers.open(BufferKind.PLC, number, self.place)
         elif word in _OPEN_KINEMATIC:
@@ -255,7 +256,7 @@ class _TextContent:
             self.calculation = self.kinematics.setdefault(_OPEN_KINEMATIC[word], [])
             self.buffers.open(BufferKind(_OPEN_KINEMATIC[word]), self.buffers.system, self.place)
         elif word in OPEN_PROGRAM:
-            self.number = _number(scanner, 1, HIGHEST_PROGRAM)
+            self.number = parse_number(scanner, 1, HIGHEST_PROGRAM)
             self.program = self.programs.setdefault(self.number, [])
             self.places.setdefault(self.number, [])
             self.buffers.open(BufferKind.PROGRAM, self.number, self.place)
@@ -355,10 +356,3 @@ def _setting(scanner: Scanner) -> syntax.Assign | None:
     if buffered:
         raise PmacError(ErrorCode.NO_BUFFER_OPEN, f"{rest[:20]} outside of OPEN PROG and CLOSE")
     return None
-
-
-def _number(scanner: Scanner, lowest: int, highest: int) -> int:
-    number = scanner.take_integer()
-    if number is None or not lowest <= number <= highest:
-        raise scanner.refusal(f"a number from {lowest} to {highest}")
-    return number

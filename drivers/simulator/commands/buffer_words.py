@@ -21,6 +21,7 @@ from drivers.pmac.language.expressions import (
     HIGHEST_PLC,
     HIGHEST_PROGRAM,
     PROGRAM,
+    parse_number,
 )
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.listing import KeptText, addresses, with_end
@@ -39,7 +40,7 @@ _KINDS = {
     "PLC": BufferKind.PLC,
     **{word: BufferKind(kind) for word, kind in KINDS.items()},
 }
-_NUMBERS = {BufferKind.PROGRAM: range(1, HIGHEST_PROGRAM + 1), BufferKind.PLC: range(HIGHEST_PLC + 1)}
+_NUMBERS = {BufferKind.PROGRAM: (1, HIGHEST_PROGRAM), BufferKind.PLC: (0, HIGHEST_PLC)}
 _CONSTANT = re.compile(r"[+-]?[\d.]")  # first characters of a line of entries; `$` is a command
 
 
@@ -49,9 +50,7 @@ def _take_number(scanner: Scanner, reading: LineContext, kind: BufferKind) -> Ca
         if reading.dialect.kinematics is None:
             raise PmacError(ErrorCode.DATA_ERROR, "this family has no kinematic programs")
         return lambda context: context.system_number
-    number, numbers = scanner.take_integer(), _NUMBERS[kind]
-    if number is None or number not in numbers:
-        raise PmacError(ErrorCode.DATA_ERROR, f"the number of a {kind}, {numbers.start} to {numbers.stop - 1}")
+    number = parse_number(scanner, *_NUMBERS[kind])
     return lambda context: number
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.expressions import parse_expression, parse_variable
+from drivers.pmac.language.expressions import parse_expression, parse_number, parse_variable
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.status import digits_of
 from drivers.simulator.card import buffers, reports
@@ -168,9 +168,7 @@ def _ring(scanner: Scanner, reading: LineContext) -> Step:
 
     Raises PmacError: 003, no station; the step, 008, it does not answer.
     """
-    station = scanner.take_integer()
-    if station is None or station > _HIGHEST_STATION:
-        raise scanner.refusal(f"a station as in MS0,I910, 0 to {_HIGHEST_STATION}")
+    parse_number(scanner, 0, _HIGHEST_STATION)
     while scanner.accept(","):
         scanner.accept("M")  # MI910, a variable of the station
         if parse_variable(scanner) is None:
