@@ -66,29 +66,24 @@ class LineNumber(int):
 
 @dataclass(frozen=True, slots=True)
 class SourceLine:
-    """A line to send, without its comment. `place` is its line in the main text, from 1, `source` names its own.
-
-    A line of an included file has the place of the #include, and `source` is such as `limits.h:5`. With an `error`
-    it is a directive that cannot be carried out.
-    """
+    """A line to send, without its comment. With an `error` it is a directive that cannot be carried out."""
 
     text: str
-    place: int
-    source: str = ""
+    place: LineNumber
     error: PmacError | None = None
 
 
 def preprocess(text: str, include: Include | None = None) -> Iterator[SourceLine]:
     """Yield the lines that are sent, empty ones left out. Without `include` no other file can be included."""
     reader = _SourceReader(include)
-    yield from reader.lines(text, "", 0, 0)
+    yield from reader.lines(text, "", None, 0)
     if reader.conditions:
-        yield SourceLine("#ifdef", reader.conditions[-1].place, error=_refusal("#ifdef without #endif"))
+        yield SourceLine("#ifdef", reader.conditions[-1].place, _refusal("#ifdef without #endif"))
 
 
 @dataclass(slots=True)
 class _Condition:
-    place: int
+    place: LineNumber
     holds: bool
     turned: bool = False
 
@@ -102,10 +97,10 @@ class _SourceReader:
     opened: list[str] = field(default_factory=list)
     comment_from: int = 0  # the line of its file in which a comment of several lines has begun; 0 in none
 
-    def lines(self, text: str, name: str, place: int, level: int) -> Iterator[SourceLine]:
-        """Yield the lines of a file; `place` is that of its #include, 0 in the main text."""
+    def lines(self, text: str, name: str, place: LineNumber | None, level: int) -> Iterator[SourceLine]:
+        """Yield the lines of a file; `place` is that of its #include, None of the main text."""
         for number, raw in enumerate(text.splitlines(), start=1):
-            at, source = (place, f"{name}:{number}") if place else (number, "")
+            at = LineNumber(number) if place is None else LineNumber(place, f"{name}:{number}")
             line = self._strip_comments(raw, number)
             self.count += 1
             try:
@@ -115,16 +110,16 @@ class _SourceReader:
                 if directive is not None:
                     yield from self._directive(directive[1].lower(), directive[2].strip(), at, level)
                 elif line and self._active:
-                    yield SourceLine(self._replace_names(line), at, source)
+                    yield SourceLine(self._replace_names(line), at)
             except PmacError as error:
-                yield SourceLine(line, at, source, error)
+                yield SourceLine(line, at, error)
                 if self.count > MOST_LINES:
                     return
 
         if begun := self.comment_from:
             self.comment_from = 0
-            at, source = (place, f"{name}:{begun}") if place else (begun, "")
-            yield SourceLine("/*", at, source, _refusal("/* without */: all behind it is a comment"))
+            at = LineNumber(begun) if place is None else LineNumber(place, f"{name}:{begun}")
+            yield SourceLine("/*", at, _refusal("/* without */: all behind it is a comment"))
 
     def _strip_comments(self, raw: str, number: int) -> str:
         raw = f"/*{raw}" if self.comment_from else raw
@@ -139,7 +134,7 @@ class _SourceReader:
     def _active(self) -> bool:
         return all(condition.holds for condition in self.conditions)
 
-    def _directive(self, word: str, rest: str, place: int, level: int) -> Iterator[SourceLine]:
+    def _directive(self, word: str, rest: str, place: LineNumber, level: int) -> Iterator[SourceLine]:
         if word in ("ifdef", "ifndef"):
             name = _name(word, rest)
             self.conditions.append(_Condition(place, (name in self.names) == (word == "ifdef")))
@@ -169,7 +164,7 @@ class _SourceReader:
             raise _refusal(f"#define {found[1]}(...): a name with arguments is not carried out")
         self.names[found[1]] = found[3].strip()
 
-    def _include_file(self, rest: str, place: int, level: int) -> Iterator[SourceLine]:
+    def _include_file(self, rest: str, place: LineNumber, level: int) -> Iterator[SourceLine]:
         found = _FILE.fullmatch(rest)
         if found is None:
             raise _refusal('a file as in #include "limits.h"')

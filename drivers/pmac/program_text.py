@@ -135,7 +135,7 @@ def read_program(
     """
     taken = _TextContent(tables=CompensationTableReader(motor_count), kinematic=kinematic, on_line=on_line)
     for source in preprocess(text, include):
-        taken.place = LineNumber(source.place, source.source)
+        taken.place = source.place
         try:
             if source.error is not None:
                 raise source.error

@@ -348,7 +348,7 @@ def test_conditions() -> None:
 
 def test_an_included_line_names_its_own_file_and_the_line_that_includes_it() -> None:
     found = list(preprocess('X1\n#include "speeds.h"\nX(FAST)', include))
-    assert [(line.place, line.source, line.text) for line in found] == [
+    assert [(int(line.place), line.place.source, line.text) for line in found] == [
         (1, "", "X1"),
         (2, "speeds.h:3", "X(20)"),
         (2, "speeds.h:4", "X10 bad"),
