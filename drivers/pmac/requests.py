@@ -141,11 +141,22 @@ Request = (
 )
 
 
-class ProgramHost(Protocol):
-    """Receives the program words that are not about motion. They act when their line is calculated."""
+@dataclass(frozen=True, slots=True)
+class DefaultAddress:
+    """The motor and the coordinate system of commands that do not name one."""
 
-    def command(self, text: str, port: str) -> None:
-        """CMD: an on-line command, executed in the background with addresses of its own, #1 and &1."""
+    motor: int = 1
+    system: int = 1
+
+
+ADDRESS_OF_PROGRAMS = DefaultAddress()  # the addressing of a motion program's commands, whichever system runs it
+
+
+class ProgramHost(Protocol):
+    """Receives the words that are not about motion, of a program when their line is calculated, and of a PLC."""
+
+    def command(self, text: str, port: str, addressed: DefaultAddress = ADDRESS_OF_PROGRAMS) -> None:
+        """CMD: an on-line command for the background; without a motor or system it is for those addressed."""
         return
 
     def send(self, text: str, port: str) -> None:
@@ -157,7 +168,7 @@ class ProgramHost(Protocol):
         return
 
     def switch_plc(self, enable: bool, numbers: tuple[int, ...], keeping: bool = False) -> None:
-        """ENABLE or DISABLE PLC; `keeping` its place, RESUME or PAUSE PLC."""
+        """ENABLE or DISABLE PLC; `keeping` its place, RESUME or PAUSE PLC. A running one ends its scan."""
         return
 
 

@@ -10,7 +10,7 @@ from drivers.lathe_placement import LathePlacement
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.language.errors import PmacError
-from drivers.pmac.plcs.plc import DefaultAddress
+from drivers.pmac.requests import DefaultAddress
 from drivers.pmac.settings import settings_with
 from drivers.simulator.card.controller import SimulatedController
 from drivers.simulator.card.motor import Motor

@@ -11,7 +11,8 @@ from drivers.pmac.heartbeat.watch import Keeper
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.language.plc_statements import PlcCode, link_plc, parse_plc_line, stored_lines
 from drivers.pmac.language.syntax import VariableKind
-from drivers.pmac.plcs.plc import DefaultAddress, PlcFault, PlcRun
+from drivers.pmac.plcs.plc import PlcFault, PlcRun
+from drivers.pmac.requests import ADDRESS_OF_PROGRAMS, DefaultAddress
 from drivers.pmac.settings import settings_with
 from drivers.pmac.variables import VariableStore
 from profiles.machine import MachineProfile
@@ -28,7 +29,7 @@ class PlcListener:
     def __init__(self) -> None:
         self.heard: list[tuple[object, ...]] = []
 
-    def command(self, text: str, port: str, addressed: DefaultAddress) -> None:
+    def command(self, text: str, port: str, addressed: DefaultAddress = ADDRESS_OF_PROGRAMS) -> None:
         self.heard.append(("command", text, port, addressed.motor, addressed.system))
 
     def send(self, text: str, port: str) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.plcs.plc import DefaultAddress
+from drivers.pmac.requests import DefaultAddress
 from drivers.pmac.trajectory.pieces import Piece, position_at
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.player import Player

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language import syntax
@@ -20,6 +19,7 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value, compile_condition, compile_expression
 from drivers.pmac.language.plc_statements import PlcCode
 from drivers.pmac.language.python_text import PythonText
+from drivers.pmac.requests import DefaultAddress, ProgramHost
 from drivers.pmac.variables import SystemVariables, VariableStore
 
 I5_FOREGROUND = 1
@@ -36,14 +36,6 @@ _Step = Callable[[], int | None]
 LOWEST_COUNT = -(2**23)  # Timers saturate here; they do not roll over (Turbo Software Reference, Isx11)
 
 
-@dataclass(frozen=True, slots=True)
-class DefaultAddress:
-    """The motor and the coordinate system of commands that do not name one."""
-
-    motor: int = 1
-    system: int = 1
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlcFault:
     """A run-time error: its line (from 0), the number of ERRnnn, and the cause in readable form."""
@@ -53,27 +45,11 @@ class PlcFault:
     detail: str
 
 
-class PlcHost(Protocol):
-    """Receives the PLC commands that are not about variables, each in program order."""
-
-    def command(self, text: str, port: str, addressed: DefaultAddress) -> None:
-        """CMD: an on-line command for the background; without a motor or system it is for those addressed."""
-
-    def send(self, text: str, port: str) -> None:
-        """SEND: text for a host."""
-
-    def display(self, text: str) -> None:
-        """DISPLAY: text for the display port."""
-
-    def switch_plc(self, enable: bool, numbers: tuple[int, ...], keeping: bool = False) -> None:
-        """ENABLE or DISABLE PLC, RESUME or PAUSE it; it may be the running one: its scan continues to its end."""
-
-
 class PlcRun:
     """The state of one PLC from scan to scan."""
 
     def __init__(
-        self, code: PlcCode, variables: VariableStore, host: PlcHost, addressed: DefaultAddress | None = None
+        self, code: PlcCode, variables: VariableStore, host: ProgramHost, addressed: DefaultAddress | None = None
     ) -> None:
         """Set `addressed` to what an earlier text of the same PLC has left; at power-up it is #1 and &1."""
         self.addressed = addressed or DefaultAddress()

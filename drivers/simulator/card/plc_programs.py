@@ -10,15 +10,14 @@ from drivers.pmac.language.listing import StoredPlcLine
 from drivers.pmac.language.plc_statements import link_plc
 from drivers.pmac.plcs.plc import (
     FOREGROUND_PLC,
-    DefaultAddress,
     PlcFault,
-    PlcHost,
     PlcRun,
     PlcSwitches,
     background_order,
     foreground_runs,
     power_up,
 )
+from drivers.pmac.requests import DefaultAddress, ProgramHost
 from drivers.pmac.variables import VariableStore
 
 PERMISSION = 5  # I5: which PLCs may run
@@ -31,7 +30,7 @@ class PlcPrograms:
     `faults` are the run-time errors that have disabled PLCs, until those are enabled again.
     """
 
-    def __init__(self, variables: VariableStore, host: PlcHost) -> None:
+    def __init__(self, variables: VariableStore, host: ProgramHost) -> None:
         self.buffers: dict[int, list[StoredPlcLine]] = {}
         self.switches = PlcSwitches()
         self.faults: dict[int, PlcFault] = {}

@@ -13,10 +13,9 @@ from dataclasses import dataclass, field
 from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, refuse_definition, refuse_deletion
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.plcs.plc import DefaultAddress
+from drivers.pmac.requests import ADDRESS_OF_PROGRAMS, DefaultAddress
 
 PENDING_LIMIT = 1024  # queued texts of one kind, the oldest are dropped: the controller needs no listener
-ADDRESS_OF_PROGRAMS = DefaultAddress()  # the addressing of a motion program's commands, whichever system runs it
 
 
 @dataclass(frozen=True, slots=True, eq=False)

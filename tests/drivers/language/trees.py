@@ -71,7 +71,7 @@ from drivers.pmac.language.syntax import (
     Wait,
     While,
 )
-from drivers.pmac.requests import BlendBreak, EndOfProgram, Request
+from drivers.pmac.requests import ADDRESS_OF_PROGRAMS, BlendBreak, DefaultAddress, EndOfProgram, Request
 from drivers.pmac.settings import settings_with
 from drivers.pmac.variables import VariableStore
 
@@ -237,7 +237,7 @@ class Listener:
 
     heard: list[tuple[object, ...]] = field(default_factory=list)
 
-    def command(self, text: str, port: str) -> None:
+    def command(self, text: str, port: str, addressed: DefaultAddress = ADDRESS_OF_PROGRAMS) -> None:
         self.heard.append(("command", text, port))
 
     def send(self, text: str, port: str) -> None:
