@@ -16,7 +16,6 @@ from drivers.pmac.plcs.plc import (
     PlcSwitches,
     background_order,
     foreground_runs,
-    power_up,
     timer_variables,
 )
 from drivers.pmac.settings import settings_with
@@ -249,7 +248,7 @@ def test_what_is_stored_and_on_runs_in_order(enabled: frozenset[int], stored: fr
 
 
 def test_at_power_up_every_plc_that_there_is_is_on_and_at_its_top() -> None:
-    switches = power_up([3, 1, 0])
+    switches = PlcSwitches().enable([3, 1, 0])
     assert switches.enabled == switches.at_top == {0, 1, 3}
 
 

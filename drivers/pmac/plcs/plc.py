@@ -214,11 +214,6 @@ class PlcSwitches:
         return PlcSwitches(self.enabled, self.at_top - {number}, self.paused)
 
 
-def power_up(stored: Iterable[int]) -> PlcSwitches:
-    """Return the switches after power-up or reset: every stored PLC is enabled."""
-    return PlcSwitches().enable(stored)
-
-
 def foreground_runs(i5: float, enabled: Collection[int], stored: Collection[int]) -> bool:
     """Whether PLC 0 has a scan at this real-time interrupt."""
     return bool(int(i5) & I5_FOREGROUND) and FOREGROUND_PLC in enabled and FOREGROUND_PLC in stored

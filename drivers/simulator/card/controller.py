@@ -163,7 +163,8 @@ class SimulatedController:
         """
         opened = self.open_buffer
         if keeping:
-            (self.plcs.resume if enable else self.plcs.pause)(numbers)
+            switches = self.plcs.switches
+            self.plcs.switches = switches.resume(numbers) if enable else switches.pause(numbers)
         elif not enable:
             self.plcs.disable(numbers)
         elif opened is not None and opened.kind is BufferKind.PLC and opened.number in numbers:

@@ -15,7 +15,6 @@ from drivers.pmac.plcs.plc import (
     PlcSwitches,
     background_order,
     foreground_runs,
-    power_up,
 )
 from drivers.pmac.requests import DefaultAddress, ProgramHost
 from drivers.pmac.variables import VariableStore
@@ -80,14 +79,6 @@ class PlcPrograms:
         """Disable PLCs."""
         self.switches = self.switches.disable(numbers)
 
-    def pause(self, numbers: Sequence[int]) -> None:
-        """PAUSE PLC: those that are enabled keep their place."""
-        self.switches = self.switches.pause(numbers)
-
-    def resume(self, numbers: Sequence[int]) -> None:
-        """RESUME PLC: those that are paused continue."""
-        self.switches = self.switches.resume(numbers)
-
     def disable_all(self) -> None:
         """Control-D."""
         self.switches = PlcSwitches()
@@ -104,7 +95,7 @@ class PlcPrograms:
                 if lines:
                     self._runs[number] = self._run(number)
                 sound.append(number)
-        self.switches = power_up(sound)
+        self.switches = self.switches.enable(sound)
 
     def scan_foreground(self) -> None:
         """Run a scan of PLC 0 at a real-time interrupt."""
