@@ -65,9 +65,9 @@ class ErrorCopying:
 
     stiffness_ratio: float
 
-    def fraction_left(self, passes: int = 1) -> float:
-        """Return the fraction of an earlier error left after this many passes: (mu / (1 + mu))^n."""
-        return (self.stiffness_ratio / (1 + self.stiffness_ratio)) ** passes
+    def fraction_left(self) -> float:
+        """Return the fraction of an earlier error left after a pass: mu / (1 + mu)."""
+        return self.stiffness_ratio / (1 + self.stiffness_ratio)
 
 
 def copying(cut_n_per_um: float, loop_n_per_um: float) -> ErrorCopying:

@@ -77,22 +77,20 @@ def envelope(job: Job, machine: MachineProfile) -> Envelope:
     )
 
 
-def envelope_row(
-    machine: MachineProfile, amplitude_um: float, jaws: int, *, reserved_n: float = RESERVED_N
-) -> EnvelopeRow:
+def envelope_row(machine: MachineProfile, amplitude_um: float, jaws: int) -> EnvelopeRow:
     """Return the highest speed for each limit at one amplitude."""
     tool = machine.tool
     amplitude_m = amplitude_um * 1e-6
-    heat_n = math.sqrt(2 * max(tool.continuous_force_n**2 - reserved_n**2, 0.0))
+    heat_n = math.sqrt(2 * max(tool.continuous_force_n**2 - RESERVED_N**2, 0.0))
     fastest_m_per_s = program_speed_mm_per_s(machine) / 1000
     hz = {
-        "peak_thrust": _of_force(tool, amplitude_m, tool.peak_force_n - reserved_n),
+        "peak_thrust": _of_force(tool, amplitude_m, tool.peak_force_n - RESERVED_N),
         "heat": _of_force(tool, amplitude_m, heat_n),
-        "current": _of_force(tool, amplitude_m, tool.peak_current_a * tool.thrust_constant_n_per_a - reserved_n),
+        "current": _of_force(tool, amplitude_m, tool.peak_current_a * tool.thrust_constant_n_per_a - RESERVED_N),
         "encoder_acceleration": math.sqrt(tool.encoder_max_acceleration_m_per_s2 / amplitude_m) / (2 * math.pi),
         "encoder_velocity": tool.encoder_max_velocity_m_per_min / 60 / amplitude_m / (2 * math.pi),
         "velocity": fastest_m_per_s / amplitude_m / (2 * math.pi),
-        **_of_voltage(machine, amplitude_um, reserved_n),
+        **_of_voltage(machine, amplitude_um),
         **_of_loop(machine, amplitude_um),
     }
     return EnvelopeRow(
@@ -168,11 +166,11 @@ def _of_force(tool: ToolAxis, amplitude_m: float, force_n: float) -> float:
     return math.sqrt(omega2) / (2 * math.pi)
 
 
-def _of_voltage(machine: MachineProfile, amplitude_um: float, reserved_n: float) -> dict[str, float]:
+def _of_voltage(machine: MachineProfile, amplitude_um: float) -> dict[str, float]:
     tool = machine.tool
     if tool.bus_voltage_v is None:
         return {}
-    left_v = tool.bus_voltage_v - tool.coil_resistance_ohm * reserved_n / tool.thrust_constant_n_per_a
+    left_v = tool.bus_voltage_v - tool.coil_resistance_ohm * RESERVED_N / tool.thrust_constant_n_per_a
 
     def bears(frequency_hz: float) -> bool:
         return drive_need(machine, amplitude_um, frequency_hz).voltage_v <= left_v

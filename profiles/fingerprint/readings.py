@@ -87,7 +87,7 @@ def parse_readings(content: bytes, where: str = "") -> ClampReadings:
     return reader.to_readings()
 
 
-def readings_text(readings: ClampReadings, note: str = "") -> str:
+def readings_text(readings: ClampReadings) -> str:
     """Return readings as the text of a file."""
     meta = {
         "fingerprint": SCHEMA,
@@ -99,7 +99,7 @@ def readings_text(readings: ClampReadings, note: str = "") -> str:
     for key in _NUMBERS:
         value = getattr(readings, key)
         meta |= {} if value is None else {key: _format_number(value)}
-    meta |= ({"simulated": "yes"} if readings.simulated else {}) | ({"note": note} if note else {})
+    meta |= {"simulated": "yes"} if readings.simulated else {}
     rows = zip(readings.angle_deg, readings.finger_um, readings.full_um, strict=True)
     lines = [f"# {key}: {value}" for key, value in meta.items()]
     lines += [",".join(COLUMNS), *(",".join(_format_number(cell) for cell in row) for row in rows)]

@@ -96,13 +96,13 @@ def fitted_feedforward(machine: MachineProfile, reading: ErrorBasis = ErrorBasis
     return Feedforward(acceleration_fraction=fraction, delay_s=delay_ms / 1000.0, chi2=float(2.0 * found.cost))
 
 
-def fitted_gain(machine: MachineProfile, reading: ErrorBasis = ErrorBasis.LOSS_PEAK_TO_PEAK) -> float:
+def fitted_gain(machine: MachineProfile) -> float:
     """Return the factor on the loop gain of Eq 9, and on nothing else, that fits Table 5 best."""
     from scipy.optimize import minimize_scalar
 
     def chi2(factor: float) -> float:
         tool = replace(machine.tool, amplifier_gain_a_per_v=factor * machine.tool.amplifier_gain_a_per_v)
-        off = _misfit(eq9_response(replace(machine, tool=tool), FREQUENCIES_HZ), reading)
+        off = _misfit(eq9_response(replace(machine, tool=tool), FREQUENCIES_HZ), ErrorBasis.LOSS_PEAK_TO_PEAK)
         return float(off @ off)
 
     return float(minimize_scalar(chi2, bounds=(0.1, 20.0), method="bounded").x)
