@@ -42,10 +42,10 @@ LATE = 1.5  # a poll that took this many times the usual was interrupted: its va
 LEAST_POLLS = 16
 POLLS_A_TERM = 6
 OF_MEAN = 2  # columns of mean and course along the cut, before those of the lobe
-ENTRY_TURNS = (
-    3.0,
-    12.0,
-)  # over which a tool yields that has just met the part: its guides give way, its loop follows
+ENTRY_TURNS = (1.0, 3.0, 12.0)
+"""Over which a tool yields that has just met the part: its loop takes the force up, its guides give way, and its
+loop follows."""
+
 STRETCH_TURNS = 200.0  # judged apart: what force and dry friction make of a path changes slowly along a long cut
 SETTLED_TURNS = 3.0  # in air, from the start of feed: a tool held by dry friction has not reached its path before
 LAST_TURN = 0.15  # fraction of the last turn that is left out: after it the tool retracts

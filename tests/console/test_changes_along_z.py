@@ -193,21 +193,59 @@ def test_an_entry_of_the_table_that_is_another_one_is_named(
     assert (sim.witness.deepest_mm == {}) is (after is None)
 
 
+def put_back(rows: slice, columns: slice, um: float, begin_s: float, end_s: float) -> list[tuple[float, Deed]]:
+    return [(begin_s, added(um, rows, columns)), (end_s, added(-um, rows, columns))]
+
+
 @pytest.mark.parametrize(
     ("rows", "columns", "um"),
     [
         (HERE, ALL, 2.0),
         (ALL, slice(70, 75), 1.0),  # 13 degrees of the spindle
         (ALL, slice(70, 71), 20.0),
+        (ALL, slice(130, 131), 20.0),  # within the range of the table: a poll alone meets it
     ],
 )
 def test_what_is_changed_in_the_table_for_the_whole_feed_and_put_back_is_a_disturbance(
     rows: slice, columns: slice, um: float
 ) -> None:
-    deeds = [
-        (at_s(Strategy.CAM, -0.05), added(um, rows, columns)),
-        (at_s(Strategy.CAM, BACK), added(-um, rows, columns)),
-    ]
+    deeds = put_back(rows, columns, um, at_s(Strategy.CAM, -0.05), at_s(Strategy.CAM, BACK))
     problems, judgement, sim = cut(Strategy.CAM, deeds)
     assert sim.deeds == [] and judgement is None
     assert {each.code for each in problems} & {"cut.off_path", "cut.command_off_plan", "cut.witness_compensation"}
+
+
+def each_column(rows: slice, um: float) -> list[list[tuple[float, Deed]]]:
+    """Every ninth column of a turn by itself, from before the feed until it is over."""
+    feed_s = at_s(Strategy.CAM, -0.05), at_s(Strategy.CAM, BACK)
+    return [put_back(rows, slice(column, column + 1), um, *feed_s) for column in range(3, 141, 9)]
+
+
+def each_moment(um: float) -> list[list[tuple[float, Deed]]]:
+    """All of the table at once, for less than the time between two polls."""
+    begins_s = [at_s(Strategy.CAM, fraction) for fraction in np.linspace(0.04, 0.92, 16)]
+    return [put_back(ALL, ALL, um, begin_s, begin_s + 0.012) for begin_s in begins_s]
+
+
+@pytest.mark.long
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(
+    ("drawn", "unseen", "left_um"),
+    [
+        (lambda: each_column(ALL, 20.0), 4, 3.1),
+        (lambda: each_column(ALL, 40.0), 0, 0.0),
+        (lambda: each_column(HERE, 40.0), 7, 4.6),
+        (lambda: each_moment(20.0), 3, 20.6),
+    ],
+)
+def test_how_much_of_what_no_poll_meets_is_left_on_the_part(
+    drawn: Callable[[], list[list[tuple[float, Deed]]]], unseen: int, left_um: float
+) -> None:
+    """Of 16 each: what docs/planned-cut.md says of a table that is changed and put back."""
+    left = []
+    for deeds in drawn():
+        _, judgement, sim = cut(Strategy.CAM, deeds)
+        if judgement is not None:
+            off_um = truth_of(sim).sections_um - undisturbed(Strategy.CAM).sections_um
+            left.append(float(np.abs(off_um).max()))
+    assert len(left) <= unseen and max(left, default=0.0) <= left_um

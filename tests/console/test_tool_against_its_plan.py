@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.hostile_host import JOB as HOSTILE_JOB
-from benchmarks.hostile_host import WitnessedLathe, lathe_at, plan_of
+from benchmarks.hostile_host import WitnessedLathe, lathe_at, make, plan_of
 from console.session.cut.cut_verdict import BUDGET, CutJudgement, CutVerdict, ToolError, ToolPolls, fit_tool_error
 from console.session.cut.engine import CutContext, PartStep
 from console.session.cut.recording import TelemetryRows
@@ -140,6 +140,7 @@ def verdict(
     from_turn: int = 0,
     uneven_deg: float = 0.0,
     brief_um: float = 0.0,
+    brief_turns: tuple[float, float] = (20.0, 21.0),
     late_um: float = 0.0,
     witness: WitnessReport | None = None,
     unheld: bool = True,
@@ -147,8 +148,8 @@ def verdict(
     """A cut whose tool and command are off by a wave of an order, all along, and whose tool is so much deeper.
 
     A table reads the spindle one servo cycle late: its command is that of the angle before. The spindle is ahead
-    of its command and behind it by `uneven_deg`, twice a turn. The command is `brief_um` off for one turn, in
-    three polls. One poll is interrupted for 40 ms, and its tool is read `late_um` too deep.
+    of its command and behind it by `uneven_deg`, twice a turn. The command is `brief_um` off in `brief_turns`,
+    which are three polls. One poll is interrupted for 40 ms, and its tool is read `late_um` too deep.
     """
     setup, chance, per_um = plan(strategy).setup, np.random.default_rng(1), 1.0 / MACHINE.tool.count_um
     late_turns = 0.0 if strategy is Strategy.PVT else 1e-3 * MACHINE.controller.servo_period_ms / TURN_S
@@ -160,7 +161,7 @@ def verdict(
         past_mm = (z - setup.carriage_middle) / MACHINE.carriage.counts_per_mm
         wave = np.exp(2j * np.pi * order * turn)
         commanded_um = plan(strategy).command.at_um(360.0 * (turn - late_turns), past_mm) + (command * wave).real
-        commanded_um += brief_um * (20.0 < turn < 21.0)
+        commanded_um += brief_um * (brief_turns[0] < turn < brief_turns[1])
         late = bool(late_um) and number == 80
         off_um = (tool * wave).real + deeper_um + late * late_um + chance.normal(0.0, scatter_um)
         tool_um = plan(strategy).target.at_um(360.0 * turn, past_mm) + off_um
@@ -214,6 +215,16 @@ def test_a_command_that_is_off_by_half_a_micrometre_is_a_disturbance() -> None:
         (verdict(brief_um=0.4), False),
     ):
         assert (found.judgement is CutJudgement.DISTURBED) is disturbed
+
+
+@pytest.mark.parametrize(("brief_um", "disturbed"), [(8.0, False), (10.0, True)])
+def test_one_poll_alone_is_a_disturbance_where_no_servo_cycle_makes_as_much(
+    brief_um: float, disturbed: bool
+) -> None:
+    """4 um, and what a command of 33 um makes in a servo cycle, 33 x 3 x 0.046 rad: 4.6 um. One of 160 polls."""
+    found = verdict(brief_um=brief_um, brief_turns=(20.2, 20.5))
+    assert [each.code for each in found.problems] == (["cut.off_path"] if disturbed else [])
+    assert (found.judgement is CutJudgement.DISTURBED) is disturbed
 
 
 def test_a_spindle_of_uneven_speed_is_an_error_of_the_tool_and_no_disturbance() -> None:
@@ -403,6 +414,13 @@ def test_a_cut_that_nobody_disturbs_has_nothing_to_say(family: str, strategy: St
     assert (found.changes, found.unwitnessed) == ((), None)
     if strategy.traits.inverts:
         assert found.judgement is CutJudgement.AS_PLANNED
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_a_part_whose_entry_the_tool_has_taken_up_only_after_its_second_turn_is_measured(seed: int) -> None:
+    """It gives way by 5 um at first, and by none a third of a turn later."""
+    made, _ = make("turbo", Strategy.PAPER, None, seed, "hard")
+    assert made.outcome == CutJudgement.TOOL_ERROR
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ from enum import StrEnum
 import numpy as np
 
 from drivers.cutting.corrected_motion import source_is_late
-from drivers.cutting.path_seen import TIMES_USUAL
+from drivers.cutting.path_seen import LEAST_TOOL_UM, TIMES_USUAL
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.settings import PARTS_PER_COUNT
@@ -204,9 +204,10 @@ class CutVerdict:
     `tool` is the error of the actual tool against the path that its program makes, `command` that of its command;
     None if the `polls` do not support them. `round_limit_um` is what the tool may use of the roundness, peak to
     peak, `size_limit_um` of the diameter either way; None if the job has no tolerance of it. `moment` is where
-    the command was off its plan in two polls in a row, too short to stand out from the whole. A `trimmed` cut
-    was corrected by this console while it ran, so the harmonics of its command are not judged; nor are depth and
-    course of a `pushed` one, which the program itself moves against the push of the cut: there the tool tells.
+    the command was off its plan in two polls in a row, or far off in one, too short to stand out from the whole.
+    A `trimmed` cut was corrected by this console while it ran, so the harmonics of its command are not judged;
+    nor are depth and course of a `pushed` one, which the program itself moves against the push of the cut: there
+    the tool tells.
     `changes` are what the witness in the controller has seen to change, `unwitnessed` is why it has not seen all.
     """
 
@@ -381,7 +382,7 @@ class ToolPolls:
             path_um, command_um = self._planned_positions(turns, ordered, past_mm, cycle_deg)
             error = fit_tool_error(turns, past_mm, infeed_um[:, 0] - path_um, job.jaws)
             command_error = fit_tool_error(ordered, past_mm, infeed_um[:, 1] - command_um, job.jaws)
-            moment = self._moment(infeed_um[:, 1] - command_um, rows[:, 3], turns)
+            moment = self._moment(infeed_um[:, 1] - command_um, rows[:, 3], turns, cycle_deg)
         size_um = job.diameter_tolerance_um
         return CutVerdict(
             tool=error,
@@ -396,26 +397,31 @@ class ToolPolls:
             unwitnessed=None if witness is None else witness.missing or witness.gap,
         )
 
-    def _moment(self, off_um: Floats, carriage: Floats, turns: Floats) -> Problem | None:
+    def _moment(self, off_um: Floats, carriage: Floats, turns: Floats, cycle_deg: float) -> Problem | None:
         """Return where a command was furthest off its plan, by the lesser of two neighbouring polls; None nowhere.
 
         They are neighbours in time, or at the angle of the spindle, as where a column of a table is another one.
+        One poll alone may have read the axes in two servo cycles, so it is off by more than the path is then.
         A command that this console itself corrects, or moves against the push of the cut, is on no such plan.
         """
-        if self._trimmed or self._plan.command.push_um:
+        command = self._plan.command
+        if self._trimmed or command.push_um:
             return None
-        by_time = np.arange(len(turns))
+        by_time, alone_um = np.arange(len(turns)), np.abs(off_um)
         pairs = np.hstack([(order[1:], order[:-1]) for order in (by_time, np.argsort(turns % 1.0))])
-        both_um = np.abs(off_um[pairs]).min(axis=0)
-        worst = int(pairs[0, both_um.argmax()])
-        limit_um = max(COMMAND_UM, TIMES_USUAL * float(np.median(np.abs(np.diff(off_um)))))
-        if both_um.max() <= limit_um:
-            return None
+        cycle_um = command.lobes * command.largest_um * math.radians(abs(cycle_deg))
+        usual_um = TIMES_USUAL * float(np.median(np.abs(np.diff(off_um))))
         face, per_mm = self._plan.setup.carriage_face, self._machine.carriage.counts_per_mm
-        where, value = f"{(carriage[worst] - face) / per_mm:.1f} mm", f"{both_um.max():.2f} um"
-        return Problem(
-            code="cut.off_path", key=AxisName.TOOL, where=where, value=value, limit=f"{limit_um:.2g} um"
-        )
+        for each_um, polls, least_um in (
+            (alone_um[pairs].min(axis=0), pairs[0], COMMAND_UM),
+            (alone_um, by_time, LEAST_TOOL_UM + cycle_um),
+        ):
+            worst, limit_um = int(each_um.argmax()), max(least_um, usual_um)
+            if each_um[worst] > limit_um:
+                where = f"{(carriage[polls[worst]] - face) / per_mm:.1f} mm"
+                value, limit = f"{each_um[worst]:.2f} um", f"{limit_um:.2g} um"
+                return Problem(code="cut.off_path", key=AxisName.TOOL, where=where, value=value, limit=limit)
+        return None
 
     def _changes(self, witness: WitnessReport, rows: Floats, *, unheld: bool) -> Iterator[Problem]:
         """Judge what the witness has seen by the table in use, and by the following errors of the polls."""

@@ -53,7 +53,7 @@ from profiles.compensations.learning import (
 )
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN, compare_uncompensated
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
-from profiles.compensations.path import AlongCut, CutPath
+from profiles.compensations.path import CutPath
 from profiles.compensations.push import NO_PUSH, Push
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
@@ -187,12 +187,11 @@ class _Learner:
         self._lobe = LobeLearning(plan.job, plan.machine)
         self._how = how
         self._folding = TrimFolding(plan.job.jaws)
-        self._cutting = self._path  # of the present cut: that of the mean lobe, by its fingerprint
+        self._target = plan.cut.target  # of the present cut: a part's is that of the mean lobe, by its fingerprint
         self._watch = HarmonicWatch()
         self._air_um: list[float] = []
         self._air_passes = 0
         self._in_air_at = self._path.target  # what the tool has followed in air
-        self._along = AlongCut()  # of the plan that is cut
         self._axial = AxialHistory()
         self._homed = False
 
@@ -267,13 +266,9 @@ class _Learner:
         job = self._job
         # Some turns of the same feed, over the end of the part.
         short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
-        # So short a cut has no length along which it could change.
-        path = CutPath(target=replace(self._path.target, axial=()), command=replace(self._path.command, axial=()))
-        plan = self._plan_part(
-            short, self._strategy, Stage.AIR, path
-        )  # so short a cut has no length to change along
+        plan = self._plan_part(short, self._strategy, Stage.AIR, self._path)
         self._air_passes += 1
-        self._cutting, self._in_air_at = path, path.target
+        self._in_air_at = plan.target
         watch = AirWatch(self._context.lathe, job.jaws, self._orders.samples_a_turn)
         self._cut_part(short, plan, "air", watch, self._air_passes)
         return self._error(watch.last())
@@ -320,7 +315,6 @@ class _Learner:
         readings = self._clamp_blank()
         self._path, path = self._lobe.clamp(self._path, readings, self._response)
         plan = self._plan_part(self._job, self._strategy, Stage.FULL, path, trimmed=True)
-        self._cutting = path
         self._orders.begin(self._path, self._watch)
         watch = CutLearner(
             self._context.lathe,
@@ -414,7 +408,8 @@ class _Learner:
             scatter=orders.scatter,
             follows=orders.follows,
         )
-        steps = axial_steps(fit_axial(parts, self._along, rules.orders), self._path.target, rules, self._axial)
+        fitted = fit_axial(parts, self._target.along, rules.orders)
+        steps = axial_steps(fitted, self._path.target, rules, self._axial)
         self._axial = self._axial.add(steps)
         self._path = steps.applied(self._path, orders.follows)
         return steps.certificate
@@ -445,7 +440,7 @@ class _Learner:
         if not self._lobe.known:
             return
         lobes, tool_um = self._job.jaws, tool_off.coefficients_um.get(self._job.jaws, 0j)
-        done_um = coefficient_of(self._cutting.target, lobes) - tool_um
+        done_um = coefficient_of(self._target, lobes) - tool_um
         sd_um = math.hypot(found.sd_um[lobes], tool_off.sd_um, REPEATS_SD_UM)
         mean_um = self._lobe.update_path(found.coefficients_um[lobes], done_um, sd_um)
         if not self._filters:
@@ -459,7 +454,7 @@ class _Learner:
         """Refuse to learn from a part that its compensation has made worse, by the rule for a single part."""
         lobes = self._job.jaws
         # The tool error was measured here.
-        done_um = self._cutting.target.harmonics[0].coefficient - tool_off.coefficients_um.get(lobes, 0j)
+        done_um = self._target.harmonics[0].coefficient - tool_off.coefficients_um.get(lobes, 0j)
         plain = compare_uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
         refuse(plain.reasons())
 
@@ -479,14 +474,13 @@ class _Learner:
             own = {"path.beyond": "learning.beyond"}
             problems = (replace(each, code=own.get(each.code, each.code)) for each in error.problems)
             raise _RefusedPathError(*problems) from error
-        self._along = plan.target.along
+        self._target = plan.target
         return plan
 
     def _error(self, batch: Batch) -> HarmonicFit:
         """Return the tool error of a batch, positive where the tool was not in far enough."""
         self._context.recorder.record_window(batch)
-        target = replace(self._cutting.target, along=self._along)
-        target_um = target.at_um(batch.angle_deg, batch.past_middle_mm)
+        target_um = self._target.at_um(batch.angle_deg, batch.past_middle_mm)
         return fit_harmonics(batch.angle_deg, target_um - batch.infeed_um, self._orders.fitted)
 
     def _response(self, order: int) -> complex:
