@@ -103,7 +103,21 @@ class AskKeys:
         """Close the entry."""
         self._entry.close()
 
-    def step(self, order: tuple[EntryKind, ...]) -> None:
+    def ask(self, key: str, view: View) -> None:
+        """Ask for what a key asks for, or close the entry after its last number. Nothing moves."""
+        match key:
+            case "align.goto":
+                self._step(TARGETS)
+            case "align.force":
+                self._step(FORCES)
+            case "align.skim":
+                self._skim(view)
+            case "align.clamping" if self.entry_kind in CLAMPING:
+                self.close()
+            case "align.clamping":
+                self._ask_clamp()
+
+    def _step(self, order: tuple[EntryKind, ...]) -> None:
         """Ask for the first of these, then for the next one, then for nothing."""
         place = order.index(self.entry_kind) + 1 if self.entry_kind in order else 0
         if place < len(order):
@@ -137,13 +151,6 @@ class AskKeys:
         if asked is EntryKind.DIAMETER and answer.value is not None:
             self.ui.control.post(TakeTouchOff(radius_mm=answer.value / 2.0, skimmed=True))
 
-    def clamp(self) -> None:
-        """Ask for the readings of an indicator on the part, from where they were left; or close the entry."""
-        if self.entry_kind in CLAMPING:
-            self.close()
-        else:
-            self._ask_clamp()
-
     def drop(self) -> bool:
         """Drop the last reading that was typed, if readings are asked for; return whether they are."""
         if self.entry_kind not in CLAMPING:
@@ -153,6 +160,7 @@ class AskKeys:
         return True
 
     def _ask_clamp(self) -> None:
+        """Ask for the readings of an indicator on the part, from where they were left."""
         typing = self._clamp
         asked = (
             EntryKind.INDICATED if typing.complete else EntryKind.READING if typing.places else EntryKind.PLACES
@@ -173,12 +181,12 @@ class AskKeys:
             self._clamp = self._clamp.with_value(value)
             self._ask_clamp()
 
-    def skim(self, view: View) -> None:
+    def _skim(self, view: View) -> None:
         """Note the skim cut where the tool stands; once it is noted, ask for its diameter."""
         if view.state.alignment.skim_counts is None and not self.is_open:
             self.ui.control.post(NoteSkim())
         else:
-            self.step(DIAMETER)
+            self._step(DIAMETER)
 
     def go(self, view: View) -> None:
         """Go to the typed target, or show why not."""

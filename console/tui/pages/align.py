@@ -21,7 +21,7 @@ from console.text.catalogue import Catalogue
 from console.tui.align import align_lines
 from console.tui.align.align_jog import JOGS, JogKeys, hold_the_key
 from console.tui.align.answers import asked_lines, asked_title
-from console.tui.align.ask_keys import FORCES, TARGETS, AlignEntry, AskKeys
+from console.tui.align.ask_keys import AlignEntry, AskKeys
 from console.tui.application.far_terminal import WITHIN_S
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
@@ -190,12 +190,12 @@ class AlignPage(Page):
                 "align.smaller": self._jog.change_rung,
                 "align.off": self._switch_off,
                 "align.back": self._take_back,
-                "align.goto": self._ask_target,
+                "align.goto": self._ask_number,
                 "align.go": lambda _: self._ask.go(self.ui.view),
-                "align.force": self._ask_force,
-                "align.skim": self._skim,
+                "align.force": self._ask_number,
+                "align.skim": self._ask_number,
                 "align.flank": self._take_flank,
-                "align.clamping": self._ask_clamping,
+                "align.clamping": self._ask_number,
                 "align.hold": lambda _: self._jog.calibrate(),
             }
             answers[action](action)
@@ -349,30 +349,15 @@ class AlignPage(Page):
             shown = align_lines.why_lines(text, now, width, left)
         self._why.show([*picture, *shown], self._why_title(view.state, view.job))
 
-    def _ask_target(self, key: str) -> None:
-        """Ask for a target of Z, then of C, then close the entry (g). Nothing moves."""
+    def _ask_number(self, key: str) -> None:
+        """Ask for a number: a target (g), a force (f), the skim diameter (m), indicator readings (n)."""
         if self._ask.is_open or not self.ui.answers(self.why_not(key, self.ui.view)):
-            self._ask.step(TARGETS)
-
-    def _ask_force(self, key: str) -> None:
-        """Ask for a wrench torque, then for a force, then close the entry (f). Nothing moves or is changed."""
-        if self._ask.is_open or not self.ui.answers(self.why_not(key, self.ui.view)):
-            self._ask.step(FORCES)
-
-    def _skim(self, key: str) -> None:
-        """Note a skim cut, then ask for its diameter (m). Nothing moves."""
-        if self._ask.is_open or not self.ui.answers(self.why_not(key, self.ui.view)):
-            self._ask.skim(self.ui.view)
+            self._ask.ask(key, self.ui.view)
 
     def _take_flank(self, key: str) -> None:
         """Take a flank of jaw 1 at the indicator (i). Nothing moves."""
         if not self.ui.answers(self.why_not(key, self.ui.view)):
             self.ui.control.post(commands.TakeFlank())
-
-    def _ask_clamping(self, key: str) -> None:
-        """Ask for indicator readings of this clamping (n). Nothing moves; who skips it leaves all as it is."""
-        if self._ask.is_open or not self.ui.answers(self.why_not(key, self.ui.view)):
-            self._ask.clamp()
 
     def _show_asked(self, view: View) -> None:
         """Show the entry in the place of the jog panel, with how it is understood."""
