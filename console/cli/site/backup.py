@@ -17,17 +17,9 @@ def add(parser: Parser, text: Catalogue) -> None:
 def main(options: Namespace, text: Catalogue) -> int:
     """Back up, and print what the backup holds; what is not in it is a warning."""
     from console.cli.library import data_of
-    from console.cli.output import show, tell
-    from console.cli.site.backup_report import backup_facts, backup_fields
+    from console.cli.site.backup_report import show_backup
     from console.session.data.backup import back_up
 
-    data = data_of(options)
-    manifest, left_out = back_up(data, Path(options.file))
-    warnings = tell(left_out, text)
-    facts = backup_facts(manifest, data, options.file)
-    show(
-        options,
-        lambda: {**backup_fields(manifest, data, options.file), "warnings": warnings},
-        lambda: [text("backup.done", **facts)],
-    )
+    manifest, left_out = back_up(data_of(options), Path(options.file))
+    show_backup(options, manifest, left_out, text)
     return 0

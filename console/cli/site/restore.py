@@ -17,17 +17,9 @@ def add(parser: Parser, text: Catalogue) -> None:
 def main(options: Namespace, text: Catalogue) -> int:
     """Restore, and print what was restored where."""
     from console.cli.library import data_of
-    from console.cli.output import show, tell
-    from console.cli.site.backup_report import backup_facts, backup_fields
+    from console.cli.site.backup_report import show_backup
     from console.session.data.restore import restore
 
-    data = data_of(options)
-    manifest, left_out = restore(Path(options.file), data)
-    warnings = tell(left_out, text)
-    facts = backup_facts(manifest, data, options.file)
-    show(
-        options,
-        lambda: {**backup_fields(manifest, data, options.file), "warnings": warnings},
-        lambda: [text("restore.done", **facts)],
-    )
+    manifest, left_out = restore(Path(options.file), data_of(options))
+    show_backup(options, manifest, left_out, text)
     return 0
