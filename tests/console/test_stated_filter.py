@@ -228,11 +228,11 @@ def test_a_measurement_that_trips_names_it_too(tmp_path: Path, machine: MachineP
     rig = Rig(client=owner.client, lathe=owner.lathe, clock=owner.sim)
     tripped = Problem(code="machine.fault", key="poll", value="tool: fatal_following_error")
 
-    def trips(origin: ResponseOrigin) -> None:
+    def trips(_: Rig, origin: ResponseOrigin) -> None:
         raise ProblemError(tripped)
 
     with pytest.raises(ProblemError) as told:
-        with_origin(rig, MachineControl(rig.lathe, "", tmp_path), True, tmp_path, lambda: None, trips)
+        with_origin(rig, MachineControl(rig.lathe, "", tmp_path), True, tmp_path, lambda _: None, trips)
     suspected = ["trial.filter_suspected"] if filtered else []
     assert [each.code for each in told.value.problems] == ["machine.fault", *suspected]
     assert isinstance(told.value, SessionError) is filtered

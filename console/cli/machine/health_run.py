@@ -7,13 +7,12 @@ from dataclasses import asdict
 from pathlib import Path
 
 from console.cli.library import data_of, machine_of
-from console.cli.machine.identify_run import reached_machine, with_origin
-from console.cli.output import confirm_motion, show, tell
+from console.cli.machine.identify_run import work_agreed
+from console.cli.output import show
 from console.session.data.health import kept_tests, store
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
 from console.session.signals import Interruption
-from console.session.station.machine_connection import guard
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from drivers.identification.health import (
@@ -27,8 +26,7 @@ from drivers.identification.health import (
 )
 from drivers.identification.identify import take_up
 from drivers.identification.result import ResponseOrigin
-from drivers.identification.rig import refuse_unready
-from drivers.link.tracing import Tracing
+from drivers.identification.rig import Rig, refuse_unready
 from profiles.files import printable
 
 NOTHING = "-"
@@ -40,26 +38,17 @@ def check_and_keep(options: Namespace, interruption: Interruption, text: Catalog
     request = HealthRequest() if options.step is None else HealthRequest(step_um=options.step)
     if problems := health_problems(request, loaded.machine):
         raise SessionError(*problems)
-    tracing = Tracing(None if options.trace is None else Path(options.trace), f"health {loaded.machine.name}")
-    try:
-        with reached_machine(options, loaded, interruption, tracing, text) as (rig, owning, simulated):
-            guard(interruption, rig.lathe, rig.clock.now_s)
-            if not simulated:
-                rig.lathe.connect()
-                # Nothing is sent and no control is taken before consent: the answer may take time.
-                if not confirm_motion(options, loaded.machine.name, False, text):
-                    return 1
 
-            def work(origin: ResponseOrigin) -> HealthResult:
-                take_up(rig)
-                return check_health(rig, request, origin, utc_now())
+    def work(rig: Rig, origin: ResponseOrigin) -> HealthResult:
+        take_up(rig)
+        return check_health(rig, request, origin, utc_now())
 
-            def refuse() -> None:
-                refuse_unready(rig, health_problems(request, rig.machine))
+    def refuse(rig: Rig) -> None:
+        refuse_unready(rig, health_problems(request, rig.machine))
 
-            result = with_origin(rig, owning, simulated, data, refuse, work)
-    finally:
-        tell(tracing.problems, text)
+    result = work_agreed(options, loaded, interruption, text, refuse, work)
+    if result is None:
+        return 1
     kept = kept_tests(data, loaded.machine.name, 1)
     before = kept[0].result if kept else None
     file = store(data, result)

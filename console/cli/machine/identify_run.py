@@ -170,18 +170,18 @@ def identify_and_keep(options: Namespace, interruption: Interruption, text: Cata
     machine = loaded.machine
     request = _request(options, machine)
     teller = Teller(machine, request, text, silent=options.json, interruption=interruption)
-    tracing = Tracing(None if options.trace is None else Path(options.trace), f"identify {machine.name}")
-    try:
-        with reached_machine(options, loaded, interruption, tracing, text) as (rig, owning, simulated):
-            guard(interruption, rig.lathe, rig.clock.now_s)
-            if not simulated:
-                rig.lathe.connect()
-                # Nothing is sent and no control is taken before consent: the answer may take time.
-                if not confirm_motion(options, machine.name, False, text):
-                    return 1
-            identified = _identify_axis(rig, owning, simulated, data_of(options), request, teller)
-    finally:
-        tell(tracing.problems, text)
+
+    def work(rig: Rig, origin: ResponseOrigin) -> IdentifiedResponse:
+        teller.begin(origin)
+        take_up(rig)
+        return identify(rig, request, origin, utc_now(), teller.tell)
+
+    def refuse(rig: Rig) -> None:
+        refuse_unready(rig, request_problems(request, rig.machine))
+
+    identified = work_agreed(options, loaded, interruption, text, refuse, work)
+    if identified is None:
+        return 1
     file = store(data_of(options), identified)
     show(options, lambda: response_fields(identified, machine, file), lambda: teller.end(identified, file))
     return 0
@@ -227,20 +227,28 @@ def _in_memory(options: Namespace, machine: MachineProfile, interruption: Interr
     return Rig(client=client, lathe=lathe, clock=simulated)
 
 
-def _identify_axis(
-    rig: Rig, owning: MachineControl, simulated: bool, data: Path, request: IdentificationRequest, teller: Teller
-) -> IdentifiedResponse:
-    """Enable the drives, identify, disable them, whatever ends it."""
-
-    def work(origin: ResponseOrigin) -> IdentifiedResponse:
-        teller.begin(origin)
-        take_up(rig)
-        return identify(rig, request, origin, utc_now(), teller.tell)
-
-    def refuse() -> None:
-        refuse_unready(rig, request_problems(request, rig.machine))
-
-    return with_origin(rig, owning, simulated, data, refuse, work)
+def work_agreed(
+    options: Namespace,
+    loaded: LoadedMachine,
+    interruption: Interruption,
+    text: Catalogue,
+    refuse: Callable[[Rig], None],
+    work: Callable[[Rig, ResponseOrigin], Result],
+) -> Result | None:
+    """Reach the machine, ask for consent, and work; None without consent to move it."""
+    name = loaded.machine.name
+    tracing = Tracing(None if options.trace is None else Path(options.trace), f"{options.command} {name}")
+    try:
+        with reached_machine(options, loaded, interruption, tracing, text) as (rig, owning, simulated):
+            guard(interruption, rig.lathe, rig.clock.now_s)
+            if not simulated:
+                rig.lathe.connect()
+                # Nothing is sent and no control is taken before consent: the answer may take time.
+                if not confirm_motion(options, name, False, text):
+                    return None
+            return with_origin(rig, owning, simulated, data_of(options), refuse, work)
+    finally:
+        tell(tracing.problems, text)
 
 
 def with_origin(
@@ -248,8 +256,8 @@ def with_origin(
     owning: MachineControl,
     simulated: bool,
     data: Path,
-    refuse: Callable[[], None],
-    work: Callable[[ResponseOrigin], Result],
+    refuse: Callable[[Rig], None],
+    work: Callable[[Rig, ResponseOrigin], Result],
 ) -> Result:
     """Take control, refuse what must not be, and work; the machine is left at rest, drives off, released.
 
@@ -262,9 +270,9 @@ def with_origin(
     try:
         if rig.lathe.ownership is not None:
             rig.lathe.on_trial = _trial_gains(rig, data, simulated)
-        refuse()
+        refuse(rig)
         try:
-            return work(origin_of(rig, version=version, kind=kind, simulated=simulated))
+            return work(rig, origin_of(rig, version=version, kind=kind, simulated=simulated))
         except ProblemError as error:
             if suspected := filter_suspected(rig.lathe, error.problems):
                 raise SessionError(*error.problems, *suspected) from error
