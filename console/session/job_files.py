@@ -5,17 +5,15 @@ from __future__ import annotations
 import itertools
 import os
 import re
-import stat
 from datetime import UTC, datetime
 from pathlib import Path
 
-from console.session.data.kept_files import file_error, jobs_folder, make_folder, path_exists
+from console.session.data.kept_files import file_error, jobs_folder, make_folder, path_exists, paths_in
 from profiles.files import TOML_CAP_BYTES, printable, read_regular_file, write_atomically
 from profiles.problem import Problem, ProfileError
 from profiles.store import LibraryEntry, load_job
 
 DELETED, IMPORT, EXPORTED = "deleted", "import", "exported-jobs"
-MOST_OFFERED = 500
 _STAMPED = re.compile(r"(.+)\.[0-9]{8}T[0-9]{12}Z(?:-[0-9]+)?\.toml", re.DOTALL)
 
 
@@ -38,13 +36,7 @@ def last_deleted(data: Path) -> tuple[Path, str] | None:
 
     Raises ProfileError: `file.unreadable`.
     """
-    folder = jobs_folder(data) / DELETED
-    try:
-        found = [(each, _STAMPED.fullmatch(each.name)) for each in folder.iterdir()]
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
+    found = [(each, _STAMPED.fullmatch(each.name)) for each in paths_in(jobs_folder(data) / DELETED)]
     named = [(each, match[1]) for each, match in found if match is not None]
     return max(named, key=lambda pair: pair[0].name[len(pair[1]) :], default=None)
 
@@ -61,22 +53,6 @@ def import_folder(data: Path) -> Path:
     folder = data / IMPORT
     make_folder(folder)
     return folder
-
-
-def offered_jobs(folder: Path) -> tuple[Path, ...]:
-    """Return the job files in a folder, newest first; hidden ones and folders are left out.
-
-    Raises ProfileError: `file.unreadable`, the folder cannot be read.
-    """
-    found: list[tuple[int, str, Path]] = []
-    try:
-        with os.scandir(folder) as entries:
-            for entry in entries:
-                if entry.name.endswith(".toml") and not entry.name.startswith("."):
-                    found += _dated_entry(entry)
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
-    return tuple(path for *_, path in sorted(found, reverse=True)[:MOST_OFFERED])
 
 
 def import_job(data: Path, source: Path) -> Path:
@@ -123,11 +99,3 @@ def _move(path: Path, target: Path) -> None:
         raise ProfileError(Problem(code="file.exists", where=printable(str(target)))) from error
     except OSError as error:
         raise file_error("file.not_writable", path, error) from error
-
-
-def _dated_entry(entry: os.DirEntry[str]) -> list[tuple[int, str, Path]]:
-    try:
-        status = entry.stat()
-    except OSError:  # gone meanwhile, or a link to nowhere
-        return []
-    return [(status.st_mtime_ns, entry.name, Path(entry.path))] if stat.S_ISREG(status.st_mode) else []

@@ -16,9 +16,10 @@ import pytest
 
 from console.session.cut.recording import part_record
 from console.session.data.history import last_results
+from console.session.data.kept_files import newest_files
 from console.session.data.measured_part import MadeWith
 from console.session.data.records import RunRecord
-from console.session.data.trace_folder import export_trace, list_trace_files, trace_folder
+from console.session.data.trace_folder import export_trace, trace_folder
 from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file
 from console.session.learning.part_learning import accept
 from console.session.learning.provenance import of_this_part, taken_before
@@ -314,7 +315,7 @@ def test_an_angle_of_the_gauge_is_an_angle_of_the_spindle(
 
 def test_the_folder_offers_the_newest_file_first_and_nothing_else(tmp_path: Path) -> None:
     folder = trace_folder(tmp_path / "data")
-    assert list_trace_files(folder) == ()
+    assert newest_files(folder) == ()
     for age, name in enumerate(("new.csv", "old.x3p", ".hidden", "older.txt")):
         file = folder / name
         file.write_text("", encoding="utf-8")
@@ -322,7 +323,7 @@ def test_the_folder_offers_the_newest_file_first_and_nothing_else(tmp_path: Path
     (folder / "folder").mkdir()
     (folder / "nowhere").symlink_to(folder / "gone")
     os.mkfifo(folder / "pipe")
-    assert [path.name for path in list_trace_files(folder)] == ["new.csv", "old.x3p", "older.txt"]
+    assert [path.name for path in newest_files(folder)] == ["new.csv", "old.x3p", "older.txt"]
 
 
 def test_an_exported_trace_reads_as_it_was(tmp_path: Path, outside_job: LoadedJob) -> None:

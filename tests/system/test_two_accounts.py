@@ -23,9 +23,8 @@ from console.session.data import calibrations, learned_store, stop_records
 from console.session.data.controller_backups import backups_of
 from console.session.data.history import last_results
 from console.session.data.identified_responses import kept_responses
-from console.session.data.kept_files import jobs_folder, require_open
+from console.session.data.kept_files import jobs_folder, newest_files, require_open
 from console.session.data.records import RunRecord, killed_runs
-from console.session.data.trace_folder import list_trace_files
 from console.session.errors import SessionError
 from console.session.station.machine_control import take_lock
 from console.session.work import open_work, saved_as
@@ -225,7 +224,7 @@ def test_a_folder_that_is_closed_while_the_console_runs_is_said_not_taken_for_em
         "watch": lambda: read_watch(watch_path(data, machine.name)),
         "identified": lambda: kept_responses(data, machine, Strategy.PVT),
         "jobs": lambda: require_open(jobs_folder(data)),
-        "traces": lambda: list_trace_files(data / "traces"),
+        "traces": lambda: newest_files(data / "traces"),
     }
 
     def makes() -> None:

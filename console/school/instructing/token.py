@@ -9,7 +9,7 @@ from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
-from console.session.data.kept_files import file_error, make_folder
+from console.session.data.kept_files import file_errors, make_folder
 from drivers.link.address import TcpAddress
 from drivers.simulator.hosts.control_address import ControlAddress
 from profiles.files import read_regular_file
@@ -39,14 +39,11 @@ def keep_token(path: Path, token: str) -> None:
     Raises ProfileError: `file.not_writable`.
     """
     make_folder(path.parent)
-    try:
-        with suppress(FileNotFoundError):
-            path.unlink()
+    with file_errors("file.not_writable", path):
+        path.unlink(missing_ok=True)
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, _OWNER_ONLY)
         with open(descriptor, "w", encoding="ascii") as file:
             file.write(f"{token}\n")
-    except OSError as error:
-        raise file_error("file.not_writable", path, error) from error
 
 
 def kept_token(path: Path) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -12,7 +11,7 @@ from typing import Any
 from console.school.training.attempt import Attempt
 from console.school.training.debrief import FULL, Debrief, ScoreItem
 from console.school.training.happenings import Happening
-from console.session.data.kept_files import file_error, folder_name, keep, read_kept_values
+from console.session.data.kept_files import file_errors, folder_name, keep_numbered, paths_in, read_kept_values
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 from profiles.strict_values import read_own, record
@@ -71,16 +70,8 @@ def try_of(attempt: Attempt, debrief: Debrief, now_s: float) -> Try:
 
 def keep_try(data: Path, one: Try) -> Path:
     """Keep a try, and return its file. Raises ProfileError: `file.not_writable`."""
-    folder, stem = trainee_folder(data, one.trainee), folder_name(one.lesson)
-    for number in itertools.count(1 + len(_files(folder))):
-        path = folder / f"{stem}-{number:06d}.json"
-        try:
-            keep(path, asdict(one))
-            break
-        except ProfileError as error:
-            if error.problems[0].code != "file.exists":
-                raise
-    return path
+    folder = trainee_folder(data, one.trainee)
+    return keep_numbered(folder, folder_name(one.lesson), len(_files(folder)), asdict(one))
 
 
 def trainee_folder(data: Path, trainee: str) -> Path:
@@ -109,7 +100,7 @@ def told_again(one: Try) -> tuple[Debrief, tuple[Happening, ...]]:
 
 def files_of(data: Path, trainee: str | None = None, lesson: str | None = None) -> tuple[Path, ...]:
     """Return the files of the tries of one trainee or of all, of one lesson or of all."""
-    folders = [trainee_folder(data, trainee)] if trainee is not None else _folders(data / FOLDER)
+    folders = [trainee_folder(data, trainee)] if trainee is not None else sorted(paths_in(data / FOLDER))
     files = (file for folder in folders for file in _files(folder))
     stem = None if lesson is None else folder_name(lesson)
     return tuple(file for file in files if stem in (None, file.stem.rpartition("-")[0]))
@@ -125,28 +116,15 @@ def delete(files: Iterable[Path]) -> int:
     """Delete files of tries; return how many. Raises ProfileError: `file.not_writable`."""
     number = 0
     for file in files:
-        try:
+        with file_errors("file.not_writable", file):
             file.unlink()
-        except OSError as error:
-            raise file_error("file.not_writable", file, error) from error
         number += 1
     return number
 
 
-def _folders(folder: Path) -> list[Path]:
-    try:
-        return sorted(each for each in folder.iterdir() if each.is_dir())
-    except FileNotFoundError:  # it is made with the first try
-        return []
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
-
-
 def _files(folder: Path) -> list[Path]:
-    try:
+    with file_errors("file.unreadable", folder):
         return sorted(folder.glob("*.json"))
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
 
 
 def _read(file: Path) -> Try:

@@ -16,7 +16,7 @@ from console.school.training.event import LessonEvent
 from console.school.training.happenings import Happening, HappeningKind, PartFact
 from console.school.training.lesson import Lesson
 from console.school.training.tries import LEFT, UNREADABLE, trainee_folder
-from console.session.data.kept_files import file_error, folder_name, make_folder, read_kept_values
+from console.session.data.kept_files import delete_file, folder_name, make_folder, read_kept_values
 from profiles.files import printable, write_atomically
 from profiles.strict_values import read_own
 
@@ -148,8 +148,4 @@ def read_left(data: Path, trainee: str, lesson: str) -> UnfinishedTry | None:
 
 def forget_left(data: Path, trainee: str, lesson: str) -> None:
     """Delete a try that was left, where there is one. Raises ProfileError: `file.not_writable`."""
-    file = left_file(data, trainee, lesson)
-    try:
-        file.unlink(missing_ok=True)
-    except OSError as error:
-        raise file_error("file.not_writable", file, error) from error
+    delete_file(left_file(data, trainee, lesson))

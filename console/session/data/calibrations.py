@@ -15,12 +15,12 @@ from typing import Any
 
 from console.session.data.kept_files import (
     ahead_problems,
-    file_error,
     folder_name,
     jobs_folder,
-    keep,
+    keep_numbered,
     make_folder,
     path_exists,
+    paths_in,
     read_kept_values,
 )
 from profiles.files import printable
@@ -33,8 +33,6 @@ FOLDER = "calibrations"
 SCHEMA = 1
 
 _NUMBER = re.compile(r"-(\d{6})\.json")
-_TRIES = 50
-"""Attempts at a free number, in case others store the same kind at the same instant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,28 +56,14 @@ class Calibration:
 
 def store(data: Path, calibration: Calibration) -> Path:
     """Keep a calibration in the data folder, and return its file; ProfileError as `keep`."""
-    kind, folder = calibration.kind, _folder(data, calibration.subject)
-    number = max((_number(file) for file in files_of(data, calibration.subject, kind)), default=0)
-    for tried in itertools.count(1):
-        path = folder / f"{kind}-{number + tried:06d}.json"
-        try:
-            keep(path, asdict(calibration))
-            break
-        except ProfileError as error:
-            if error.problems[0].code != "file.exists" or tried == _TRIES:
-                raise
-    return path
+    kind, subject = calibration.kind, calibration.subject
+    number = max((_number(file) for file in files_of(data, subject, kind)), default=0)
+    return keep_numbered(_folder(data, subject), kind, number, asdict(calibration))
 
 
 def files_of(data: Path, subject: str, kind: str) -> list[Path]:
     """Return the calibration files of a kind, the newest first; `file.unreadable` for a folder that is not."""
-    folder = _folder(data, subject)
-    try:
-        files = [file for file in folder.iterdir() if file.match(f"{kind}-*.json")]
-    except (FileNotFoundError, NotADirectoryError):  # it is made with the first calibration
-        return []
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
+    files = [file for file in paths_in(_folder(data, subject)) if file.match(f"{kind}-*.json")]
     return sorted(files, key=lambda file: (_number(file), file.name), reverse=True)
 
 

@@ -6,14 +6,13 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.session.data.kept_files import folder_name, keep, numbered_files, read_kept_values
+from console.session.data.kept_files import folder_name, keep_numbered, numbered_files, read_kept_values
 from drivers.identification.health import HealthResult, as_table, from_table
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 
 FOLDER = "health"
 _NUMBER = re.compile(r"health-(\d{6})\.json")
-_TRIES = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,15 +28,7 @@ def store(data: Path, result: HealthResult) -> Path:
     """Keep a test in the data folder, and return its file; ProfileError as `keep`."""
     folder = data / FOLDER / folder_name(result.origin.machine)
     number = max((number for number, _ in numbered_files(folder, _NUMBER)), default=0)
-    for tried in range(1, _TRIES + 1):
-        path = folder / f"health-{number + tried:06d}.json"
-        try:
-            keep(path, as_table(result))
-            break
-        except ProfileError as error:
-            if error.problems[0].code != "file.exists" or tried == _TRIES:
-                raise
-    return path
+    return keep_numbered(folder, "health", number, as_table(result))
 
 
 def kept_tests(data: Path, machine: str, most: int) -> tuple[KeptHealth, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.session.data.kept_files import file_error, folder_name, keep, names_in, path_exists, read_kept_values
+from console.session.data.kept_files import folder_name, keep, names_in, path_exists, read_kept_values
 from console.session.errors import SessionError, refuse
 from drivers.cutting.strategy import Strategy
 from drivers.identification.result import IdentifiedResponse, as_response, as_table, from_table, unfit_problems
@@ -63,13 +63,7 @@ def responses_of(data: Path, machine: str, most: int) -> tuple[KeptResponse, ...
 
     Raises ProfileError: `file.unreadable`, the folder cannot be read.
     """
-    folder = data / FOLDER / folder_name(machine)
-    try:
-        files = [file for file in folder.iterdir() if file.suffix == ".json"]
-    except (FileNotFoundError, NotADirectoryError):  # it is made with the first one
-        return ()
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
+    files = names_in(data / FOLDER / folder_name(machine), ".json")
     files.sort(key=lambda file: (file.stem.rpartition("-")[2], file.name), reverse=True)
     found = []
     for file in files[:most]:
@@ -78,18 +72,6 @@ def responses_of(data: Path, machine: str, most: int) -> tuple[KeptResponse, ...
         except ProfileError as error:
             found.append(KeptResponse(file=file, response=None, problems=tuple(error.problems)))
     return tuple(found)
-
-
-def response_in(
-    file: Path, machine: MachineProfile, path: Strategy, *, simulated: bool | None = None
-) -> ServoResponse:
-    """Return the response that a cut on this path inverts. `simulated` is where it will cut, None for no cut.
-
-    Raises:
-        ProfileError: `file.unreadable`, `file.too_large`, `identify.file`, `response.bad_points`.
-        SessionError: `response.of_another`, every reason why it does not apply here.
-    """
-    return _chosen_in(file, machine, path, simulated=simulated).response
 
 
 def kept_responses(
@@ -110,7 +92,7 @@ def kept_responses(
     refused: ProblemError | None = None
     for file in files:
         try:
-            found.append(_chosen_in(file, machine, path, simulated=simulated))
+            found.append(response_in(file, machine, path, simulated=simulated))
         except ProblemError as error:
             refused = refused or error
     if not found and refused is not None:
@@ -130,7 +112,7 @@ def asked_response(
     file = Path(asked)
     if not path_exists(file):
         file = kept_file(data, machine, asked) or file
-    return _chosen_in(file, machine, path, simulated=simulated)
+    return response_in(file, machine, path, simulated=simulated)
 
 
 def kept_file(data: Path, machine: MachineProfile, name: str) -> Path | None:
@@ -156,7 +138,15 @@ def changed_problems(chosen: ChosenResponse) -> tuple[Problem, ...]:
     return () if now == chosen.identified else (Problem(code="response.file_changed", key=chosen.name),)
 
 
-def _chosen_in(file: Path, machine: MachineProfile, path: Strategy, *, simulated: bool | None) -> ChosenResponse:
+def response_in(
+    file: Path, machine: MachineProfile, path: Strategy, *, simulated: bool | None = None
+) -> ChosenResponse:
+    """Return the response that a cut on this path inverts. `simulated` is where it will cut, None for no cut.
+
+    Raises:
+        ProfileError: `file.unreadable`, `file.too_large`, `identify.file`, `response.bad_points`.
+        SessionError: `response.of_another`, every reason why it does not apply here.
+    """
     identified = load(file)
     refuse(unfit_problems(identified, machine, path, simulated=simulated, where=printable(str(file))))
     response = as_response(identified, printable(file.name))

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
+from itertools import count
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -19,6 +21,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.strict_values import from_json
 
 CAP_BYTES = 1_000_000
+MOST_OFFERED = 500  # files of a folder, the newest ones
 
 APPLICATION = "trilobe"
 READ_FROM = ("jobs", "machines", "learned", "calibrations", "stops", "trials")
@@ -32,10 +35,17 @@ def folder_name(name: str) -> str:
 
 def make_folder(folder: Path) -> None:
     """Create a folder for its owner alone where it is missing; ProfileError `file.not_writable` if it cannot."""
-    try:
+    with file_errors("file.not_writable", folder):
         make_private_folder(folder)
+
+
+@contextmanager
+def file_errors(code: str, path: Path) -> Iterator[None]:
+    """Raise what the operating system refuses in the block as `file_error`."""
+    try:
+        yield
     except OSError as error:
-        raise file_error("file.not_writable", folder, error) from error
+        raise file_error(code, path, error) from error
 
 
 def file_error(code: str, path: Path, error: OSError) -> ProfileError:
@@ -45,35 +55,50 @@ def file_error(code: str, path: Path, error: OSError) -> ProfileError:
 
 def path_exists(path: Path) -> bool:
     """Return whether there is anything at a path. Raises ProfileError: `file.unreadable`, its folder is closed."""
-    try:
+    with file_errors("file.unreadable", path):
         return path.exists()
-    except OSError as error:
-        raise file_error("file.unreadable", path, error) from error
 
 
 def require_open(folder: Path) -> None:
     """Raise ProfileError `file.unreadable` where a folder cannot be listed or entered; a missing one is fine."""
-    try:
+    with file_errors("file.unreadable", folder), suppress(FileNotFoundError, NotADirectoryError):
         first = next(folder.iterdir(), None)
         if first is not None:
             first.lstat()
-    except (FileNotFoundError, NotADirectoryError):
-        return
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
 
 
-def names_in(folder: Path, suffix: str) -> list[Path]:
-    """Return the files of a folder with a suffix, none where there is no folder.
+def paths_in(folder: Path) -> list[Path]:
+    """Return what is in a folder, nothing where there is no folder.
 
     Raises ProfileError: `file.unreadable`, it cannot be read: closed is not empty.
     """
-    try:
-        return [path for path in folder.iterdir() if path.suffix == suffix and path.is_file()]
-    except (FileNotFoundError, NotADirectoryError):  # it is made with the first file
-        return []
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
+    with file_errors("file.unreadable", folder):
+        try:
+            return list(folder.iterdir())
+        except (FileNotFoundError, NotADirectoryError):  # it is made with the first file
+            return []
+
+
+def names_in(folder: Path, suffix: str) -> list[Path]:
+    """Return the files of a folder with a suffix; raises as `paths_in`."""
+    with file_errors("file.unreadable", folder):
+        return [path for path in paths_in(folder) if path.suffix == suffix and path.is_file()]
+
+
+def newest_files(folder: Path, suffix: str = "") -> tuple[Path, ...]:
+    """Return the files in a folder, newest first by their date of change; hidden ones and folders are left out.
+
+    Raises ProfileError: `file.unreadable`, the folder cannot be read.
+    """
+    found: list[tuple[int, str, Path]] = []
+    with file_errors("file.unreadable", folder), os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name.startswith(".") or not entry.name.endswith(suffix):
+                continue
+            with suppress(OSError):  # gone meanwhile, or a link to nowhere
+                if entry.is_file():
+                    found.append((entry.stat().st_mtime_ns, entry.name, Path(entry.path)))
+    return tuple(path for *_, path in sorted(found, reverse=True)[:MOST_OFFERED])
 
 
 def keep(path: Path, table: Mapping[str, Any]) -> None:
@@ -83,6 +108,25 @@ def keep(path: Path, table: Mapping[str, Any]) -> None:
 
     content = json.dumps(table, ensure_ascii=False, allow_nan=False, indent=2)
     write_atomically(path, f"{content}\n".encode(), overwrite=False, private=True)
+
+
+def keep_numbered(folder: Path, stem: str, newest: int, table: Mapping[str, Any]) -> Path:
+    """Write a new file under the next free number behind the newest; ProfileError `file.not_writable`."""
+    for number in count(newest + 1):
+        path = folder / f"{stem}-{number:06d}.json"
+        try:
+            keep(path, table)
+            break
+        except ProfileError as error:  # others may keep one at the same instant
+            if error.problems[0].code != "file.exists":
+                raise
+    return path
+
+
+def delete_file(path: Path) -> None:
+    """Delete a file where it is there; ProfileError `file.not_writable`."""
+    with file_errors("file.not_writable", path):
+        path.unlink(missing_ok=True)
 
 
 def read_kept_values(file: Path, code: str) -> Any:
@@ -201,14 +245,6 @@ def _parse_date(date: str) -> datetime:
 
 
 def numbered_files(folder: Path, pattern: re.Pattern[str]) -> list[tuple[int, Path]]:
-    """Return the files whose whole name matches, by the number in it, the highest first; none without a folder.
-
-    Raises ProfileError: `file.unreadable`, the folder cannot be read.
-    """
-    try:
-        found = [(pattern.fullmatch(file.name), file) for file in folder.iterdir()]
-    except (FileNotFoundError, NotADirectoryError):  # it is made with the first file
-        return []
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
+    """Return the files whose whole name matches, by the number in it, the highest first; raises as `paths_in`."""
+    found = [(pattern.fullmatch(file.name), file) for file in paths_in(folder)]
     return sorted(((int(match[1]), file) for match, file in found if match is not None), reverse=True)

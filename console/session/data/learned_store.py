@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from console.session.data.kept_files import ahead_problems, file_error, folder_name, keep, read_kept_values
+from console.session.data.kept_files import ahead_problems, folder_name, keep, paths_in, read_kept_values
 from console.session.errors import SessionError, refuse
 from profiles.compensations.learned_compensation import (
     HoldsFor,
@@ -48,14 +48,7 @@ def store(data: Path, learned: LearnedCompensation) -> Path:
 
 def versions(data: Path, asked: HoldsFor) -> tuple[LearnedCompensation, ...]:
     """Return all versions of a job on a machine, oldest first, applying or not; errors as `read_kept_values`."""
-    folder = _folder(data, asked)
-    try:
-        files = sorted(file for file in folder.iterdir() if file.match("version-*.json"))
-    except (FileNotFoundError, NotADirectoryError):  # it is made with the first version
-        return ()
-    except OSError as error:
-        raise file_error("file.unreadable", folder, error) from error
-    return tuple(_load(file) for file in files)
+    return tuple(_load(file) for file in sorted(paths_in(_folder(data, asked))) if file.match("version-*.json"))
 
 
 def elsewhere_problems(data: Path, asked: HoldsFor) -> tuple[Problem, ...]:

@@ -15,7 +15,7 @@ from datetime import date
 from pathlib import Path
 from urllib.parse import quote
 
-from console.session.data.kept_files import file_error, make_folder
+from console.session.data.kept_files import delete_file, make_folder, path_exists
 from drivers.commissioning.checked_configuration import CheckedConfiguration
 from drivers.commissioning.proofs.bench import ProofRig
 from drivers.commissioning.stop_record import StopRecord, StopsNow, record_problems, stop_key
@@ -64,11 +64,7 @@ def with_checksum(values: Mapping[str, object]) -> bytes:
 
 def withdraw(data: Path, machine: MachineProfile) -> None:
     """Remove the record of a machine that was seen to stop otherwise; ProfileError `file.not_writable`."""
-    path = record_path(data, machine)
-    try:
-        path.unlink(missing_ok=True)
-    except OSError as error:
-        raise file_error("file.not_writable", path, error) from error
+    delete_file(record_path(data, machine))
 
 
 def load(data: Path, machine: MachineProfile) -> StopRecord | None:
@@ -79,12 +75,8 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
             `stops.unknown_schema`; `file.unreadable`, it cannot be opened.
     """
     path = record_path(data, machine)
-    try:
-        path.stat()
-    except (FileNotFoundError, NotADirectoryError):
+    if not path_exists(path):
         return None
-    except OSError as error:
-        raise file_error("file.unreadable", path, error) from error
     content = read_regular_file(path, cap_bytes=CAP_BYTES)
     where = printable(str(path))
     try:

@@ -437,7 +437,7 @@ def _inverted_response(
     identified = identified or kept_file(data, machine, made.inverted)
     if identified is None:
         raise SessionError(Problem(code="learned.identified", key="--identified", value=made.inverted))
-    return response_in(identified, machine, Strategy(made.strategy), simulated=simulated)
+    return response_in(identified, machine, Strategy(made.strategy), simulated=simulated).response
 
 
 def scatter_um(job: Job, machine: MachineProfile) -> float:

@@ -18,7 +18,7 @@ from console.session.data.calibrated_chuck import (
     judged_calibrations,
 )
 from console.session.data.calibrations import FOLDER, Calibration, files_of, load
-from console.session.data.kept_files import file_error
+from console.session.data.kept_files import paths_in
 from console.session.learning.chuck_calibrating import TableFit, fit_chuck_table, fit_warnings, profile_values
 from console.tui.calibration.draft import Draft
 from profiles.calibration.table import MeasuredTable, read_table
@@ -122,14 +122,8 @@ def kept_list(data: Path, machine: LoadedMachine, kind: str) -> tuple[KeptCalibr
 
 def lobe_list(data: Path) -> tuple[KeptCalibration, ...]:
     """Return the calibrations of the lobes of all jobs, the newest by its date first."""
-    try:
-        folders = [folder for folder in (data / FOLDER).iterdir() if folder.is_dir()]
-    except (FileNotFoundError, NotADirectoryError):
-        return ()
-    except OSError as error:
-        raise file_error("file.unreadable", data / FOLDER, error) from error
     found = []
-    for folder in folders:
+    for folder in paths_in(data / FOLDER):
         subject = unquote(folder.name)
         for file in files_of(data, subject, LOBE):
             try:

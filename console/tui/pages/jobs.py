@@ -12,8 +12,8 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from console.session.data.history import last_results
-from console.session.data.kept_files import jobs_folder
-from console.session.job_files import import_folder, offered_jobs
+from console.session.data.kept_files import jobs_folder, newest_files
+from console.session.job_files import import_folder
 from console.session.station.state import StationState
 from console.session.work import Work, blank_form, differs, open_work
 from console.tui.application.scans import find_job
@@ -369,7 +369,7 @@ class JobsPage(Page):
             self.ui.say("screen.jobs_list_first")
 
     def _list_imports(self) -> None:
-        files = offered_jobs(import_folder(self.ui.data))
+        files = newest_files(import_folder(self.ui.data), ".toml")
         entries = tuple(LibraryEntry(name=path.stem, path=path, bundled=False) for path in files)
         self._imports.fill(entries, {}, None)
         self._importing = True

@@ -11,9 +11,10 @@ from pathlib import Path
 from textual.containers import Horizontal
 from textual.widgets import Input
 
+from console.session.data.kept_files import newest_files
 from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import CutPart, newest_part
-from console.session.data.trace_folder import FOLDER, list_trace_files, trace_folder
+from console.session.data.trace_folder import FOLDER, trace_folder
 from console.session.errors import fault_problem
 from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart, read_gauge_file
 from console.session.learning.provenance import of_this_part
@@ -129,13 +130,13 @@ def _poll_folder(
         folder = trace_folder(data)
         listed = read_change_date(folder)
         first = TraceFolder(folder=folder, part=part(), listed=listed, chosen=chosen, changed=at)
-        return _with_files(first, typed, list_trace_files(folder))
+        return _with_files(first, typed, newest_files(folder))
     listed = read_change_date(before.folder)
     if listed == before.listed and typed == before.typed:
         return replace(before, chosen=chosen, changed=at)
     now = replace(before, listed=listed, chosen=chosen, changed=at, problems=())
     try:
-        return _with_files(now, typed, list_trace_files(before.folder))
+        return _with_files(now, typed, newest_files(before.folder))
     except ProfileError as error:
         return _with_files(replace(now, problems=tuple(error.problems)), typed, ())
 
