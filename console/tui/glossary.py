@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from console.text.catalogue import Catalogue
 from console.tui.keymap import PageName
-from console.tui.lines import BLANK, Line, dim, fit_text, line, wrap_line
+from console.tui.lines import BLANK, Line, dim, fit_text, hanging, line
 from console.tui.theme import Token
 
 TERM_WIDTH = 17
@@ -32,7 +32,5 @@ def glossary_lines(text: Catalogue, page: PageName, width: int) -> list[Line]:
     """Return the terms of a page, one line each where the terminal is wide enough."""
     rows = [line((text("glossary.title", page=text(f"page.{page}")), Token.TITLE))]
     for term in TERMS.get(page, ()):
-        head, *more = wrap_line(text(f"glossary.{term}"), max(width - TERM_WIDTH, 1))
-        rows.append(((fit_text(text(f"term.{term}"), TERM_WIDTH), Token.KEY), *head))
-        rows += [(dim(" " * TERM_WIDTH), *row) for row in more]
+        rows += hanging((fit_text(text(f"term.{term}"), TERM_WIDTH), Token.KEY), text(f"glossary.{term}"), width)
     return [*rows, BLANK, line(dim(text("help.close")))]

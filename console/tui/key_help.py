@@ -5,7 +5,7 @@ from __future__ import annotations
 from console.session.appearance import OwnKeys
 from console.text.catalogue import Catalogue
 from console.tui.keymap import ACTIONS, CLOSE, NO_KEYS, Action, PageName, actions_of
-from console.tui.lines import BLANK, Line, dim, fit_text, line, wrap_line
+from console.tui.lines import BLANK, Line, dim, fit_text, hanging, line
 from console.tui.theme import Token
 
 KEY_WIDTH = 8
@@ -53,6 +53,4 @@ def help_lines(text: Catalogue, page: PageName, number: int, width: int, own: Ow
 
 
 def _row(shown: str, said: str, width: int) -> list[Line]:
-    head, *more = wrap_line(said, max(width - KEY_WIDTH, 1))
-    rows: list[Line] = [((fit_text(shown, KEY_WIDTH), Token.KEY), *head)]
-    return rows + [(dim(" " * KEY_WIDTH), *row) for row in more]
+    return hanging((fit_text(shown, KEY_WIDTH), Token.KEY), said, width)

@@ -38,6 +38,9 @@ class Page(Container):
     """One of the numbered pages, made of `panels`. Nothing covers it, and it covers nothing."""
 
     name_: ClassVar[PageName]
+    DEFAULT_CSS = """
+    Page .panel { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
+    """
 
     def __init__(self, ui: UiContext) -> None:
         super().__init__(id=f"page-{self.name_}", classes="page")

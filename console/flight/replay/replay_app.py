@@ -25,7 +25,7 @@ from console.tui.app import ConsoleApp
 from console.tui.frame import Frame
 from console.tui.key_help import KEY_WIDTH
 from console.tui.keymap import DIGITS, NUMBERED, READING, PageName, action_of
-from console.tui.lines import BLANK, Line, dim, fit_text, line, width_of, wrap_line
+from console.tui.lines import BLANK, Line, fit_text, hanging, line, width_of, wrap_line
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.theme import Palette, Token
 from profiles.problem import Problem
@@ -171,9 +171,7 @@ def replay_help(text: Catalogue, width: int) -> list[Line]:
     rows = [line((text("replay.help"), Token.TITLE))]
     pairs = [(each.shown, text(f"replay.help.{each.id}")) for each in KEYS]
     for shown, said in (*pairs, ("1-6 8", text("replay.help.pages")), ("! ■ ·", text("replay.help.marks"))):
-        head, *more = wrap_line(said, max(width - KEY_WIDTH, 1))
-        rows.append(((fit_text(shown, KEY_WIDTH), Token.KEY), *head))
-        rows += [(dim(" " * KEY_WIDTH), *row) for row in more]
+        rows += hanging((fit_text(shown, KEY_WIDTH), Token.KEY), said, width)
     return [*rows, BLANK, *(wrap_line(text("replay.help.not_shown"), width, Token.DIM))]
 
 

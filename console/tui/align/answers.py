@@ -22,6 +22,7 @@ from console.tui.align.entry_context import (
 )
 from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, first_fitting, hanging, line, wrap_line
 from console.tui.pages.fields import name_field
+from console.tui.rows import wrap_problems
 from console.tui.theme import Token
 from drivers.lathe.snapshot import Snapshot
 from profiles.chucking.advice import ForcePosition, ForceSpan, force_span
@@ -294,8 +295,7 @@ def _deflection_lines(text: Catalogue, question: EntryContext, width: int) -> li
         readings = typing.readings(simulated=question.state.simulated, inch=units.is_inch)
         shown, unlikely = deflection_of(readings, job), expected_of(readings, job, question.machine)
     except ProfileError as refused:
-        said = [text.problem(each) for each in refused.problems]
-        return [*rows, *(row for each in said for row in wrap_line(each, width, Token.WARNING))]
+        return [*rows, *wrap_problems(refused.problems, text, width)]
     lobe = 2.0 * abs(shown.coefficients_um[job.jaws])
     limit = 2.0 * shown.limit_um(job.jaws)
     words = text(
@@ -304,7 +304,7 @@ def _deflection_lines(text: Catalogue, question: EntryContext, width: int) -> li
     rows.append(line(("→ ", Token.OK), (words, Token.STRONG)))
     if shown.upright:
         rows += wrap_line(text("align_page.clamp_upright"), width, Token.DIM)
-    return [*rows, *(row for each in unlikely for row in wrap_line(text.problem(each), width, Token.WARNING))]
+    return [*rows, *wrap_problems(unlikely, text, width)]
 
 
 def interpret_entry(question: EntryContext) -> EntryValue:
@@ -314,11 +314,6 @@ def interpret_entry(question: EntryContext) -> EntryValue:
     if question.asked in CLAMPING:
         return clamp_answer(question)
     return diameter_answer(question) if question.asked is EntryKind.DIAMETER else force_answer(question)
-
-
-def asked_title(text: Catalogue, asked: EntryKind) -> str:
-    """Return the title of the panel of an entry."""
-    return text(f"align_page.asked.{asked}")
 
 
 def asked_lines(text: Catalogue, question: EntryContext, width: int, height: int | None) -> list[Line]:

@@ -8,8 +8,8 @@ from typing import Any
 from console.text.catalogue import Catalogue
 from console.tui.calibration.chuck_facts import CalibrationStatus, ChuckFacts, KeptCalibration
 from console.tui.calibration.draft import Draft
-from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, dim, fact, fit_text, hanging, line, to_the_right, wrap_line
+from console.tui.rows import list_rows, problem_lines
 from console.tui.theme import Token
 from console.units import Units
 from profiles.calibration.table import COLUMNS, MeasuredTable
@@ -34,12 +34,7 @@ def list_lines(
         rows.append((_row_words(each, text), token))
     if not rows:
         return wrap_line(text("calibrate_page.none"), width, Token.DIM)
-    first = max(min(selected - height // 2, len(rows) - height), 0)
-    lines: list[Line] = []
-    for place, (words, token) in list(enumerate(rows))[first : first + max(height, 1)]:
-        mark = ("▶ ", Token.ACTION) if place == selected else dim("  ")
-        lines.append((mark, (fit_text(words, max(width - 2, 0)), token)))
-    return lines
+    return list_rows([(fit_text(words, max(width - 2, 0)), token) for words, token in rows], selected, height)
 
 
 def _row_words(each: KeptCalibration, text: Catalogue) -> str:

@@ -13,11 +13,11 @@ from console.tui.calibration.calibration_lines import fit_lines, list_lines, poi
 from console.tui.calibration.chuck_facts import ChuckFacts, KeptCalibration
 from console.tui.calibration.draft import Draft
 from console.tui.entry import CalibrateEntry
-from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, Sheet, clip_lines, dim, entitle, line
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import PointMarks, Series, TracePicture, TraceView
 from console.tui.records.background_reader import Problems
+from console.tui.rows import problem_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 from console.units import METRIC, Units

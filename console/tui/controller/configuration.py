@@ -11,6 +11,7 @@ from console.text.catalogue import Catalogue
 from console.text.checks import MARKS
 from console.tui.controller.errand import Errand
 from console.tui.lines import BLANK, Line, dim, hanging, line, wrap_line
+from console.tui.rows import list_rows
 from console.tui.theme import Token
 from drivers.commissioning.reading import expected_work, whole_card, work_done
 from drivers.requests.permitted_lines import RequestKind
@@ -142,9 +143,4 @@ def backup_lines(paths: tuple[Path, ...], chosen: int, text: Catalogue, width: i
     """Return the backups of this machine around the selected one, newest first."""
     if not paths:
         return wrap_line(text("controller_page.no_backups"), width, Token.DIM)
-    first = max(min(chosen - height // 2, len(paths) - height), 0)
-    rows = []
-    for place, path in enumerate(paths[first : first + height], start=first):
-        mark = ("▶ ", Token.ACTION) if place == chosen else dim("  ")
-        rows.append(line(mark, (printable(path.name), Token.SELECTED if place == chosen else Token.TEXT)))
-    return rows
+    return list_rows([(printable(path.name), Token.TEXT) for path in paths], chosen, height, Token.SELECTED)

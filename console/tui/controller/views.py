@@ -17,6 +17,7 @@ from console.tui.controller.errand import Errand
 from console.tui.controller.terminal import TerminalView
 from console.tui.controller.watching import WatchTable, watch_lines
 from console.tui.lines import BLANK, NOTHING, Line, dim, fit_text, line, wrap_line
+from console.tui.rows import wrap_problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
 from drivers.errors import ControllerError
@@ -408,7 +409,7 @@ class ControllerViews:
         result = self._reading.found
         if result is not None and result.sha256:
             rows += wrap_line(self._hash_words(result), width)
-        return [*rows, *self._problem_lines(self._identity.problems, width)]
+        return [*rows, *wrap_problems(self._identity.problems, self.ui.text, width)]
 
     def _hash_words(self, result: Result) -> str:
         text, same = self.ui.text, not result.listed
@@ -420,14 +421,14 @@ class ControllerViews:
         found = self._status.found
         if found is None:
             words = self.ui.text("controller_page.unread")
-            return [line(dim(words)), *self._problem_lines(self._status.problems, width)]
+            return [line(dim(words)), *wrap_problems(self._status.problems, self.ui.text, width)]
         rows = status_lines(found, self.ui.text, width, all_bits=self._all_bits)
-        return [*self._problem_lines(self._status.problems, width), *rows]
+        return [*wrap_problems(self._status.problems, self.ui.text, width), *rows]
 
     def _watch_lines(self, view: View, width: int) -> list[Line]:
         rows = watch_lines(self.watch, self.ui.text, view.now_s, width)
         empty = wrap_line(self.ui.text("controller_page.watch.empty"), width, Token.DIM)
-        return [*self._problem_lines(self.watch.problems, width), *(rows or empty)]
+        return [*wrap_problems(self.watch.problems, self.ui.text, width), *(rows or empty)]
 
     def _configuration_lines(self, width: int, height: int | None) -> list[Line]:
         from console.tui.controller.configuration import backup_lines, doing_lines, result_lines
@@ -438,13 +439,10 @@ class ControllerViews:
         rows.append(BLANK)
         if self._reading.running and self.ui.control.side is not None:
             return [*rows, *doing_lines(self._action, self._reading, self.ui.control.side, text, width)]
-        rows += self._problem_lines(self._reading.problems, width)
+        rows += wrap_problems(self._reading.problems, self.ui.text, width)
         below = [] if found is None or self._reading.problems else result_lines(found, text, width)
         if found is None and not self._reading.problems:
             below = wrap_line(text("controller_page.nothing_read"), width, Token.DIM)
         if height is None:
             return [*rows, *below]
         return [*rows, *self._window(ViewName.CONFIGURATION, below, max(height - len(rows), 1))]
-
-    def _problem_lines(self, problems: tuple[Problem, ...], width: int) -> list[Line]:
-        return [each for p in problems for each in wrap_line(self.ui.text.problem(p), width, Token.WARNING)]

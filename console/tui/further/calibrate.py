@@ -23,12 +23,12 @@ from console.tui.calibration.chuck_facts import (
 )
 from console.tui.calibration.draft import AGAIN, MODULUS, TYPED_OUT, Draft, import_points, value_of, write_points
 from console.tui.calibration.panels import WIDE, CalibratePanels, Kept
-from console.tui.further.problem_lines import problem_lines
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
 from console.tui.page import Page, move_selection, rows_moved
 from console.tui.records.background_reader import BackgroundReader, Problems
+from console.tui.rows import problem_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.calibration.table import CalibrationKind
@@ -47,10 +47,6 @@ class CalibratePage(Page):
     """Nothing on it moves anything."""
 
     name_ = PageName.CALIBRATE
-
-    DEFAULT_CSS = """
-    CalibratePage { .panel { border: round $secondary; border-title-color: $foreground; } }
-    """
 
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui)

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from console.session.data.health import KeptHealth
 from console.text.catalogue import Catalogue
-from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, dim, fit_text, hanging, line, to_the_right, wrap_line
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Series, TracePicture
+from console.tui.rows import problem_lines
 from console.tui.theme import Token
 from console.units import METRIC, Units
 from drivers.identification.health import FIGURES, HealthResult, figures_of, model_figures_of

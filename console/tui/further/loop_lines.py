@@ -19,6 +19,7 @@ from console.session.tuning.known_loop import MOST_RESPONSES
 from console.session.tuning.standing_trial import differing_words
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fit_text, hanging, line, wrap_line
+from console.tui.rows import list_rows
 from console.tui.theme import Token
 from drivers.commissioning.checked_configuration import differing_settings
 from drivers.identification.result import IdentifiedResponse, unfit_problems
@@ -235,16 +236,9 @@ def response_lines(
     """Return the kept responses, newest first, the selected one marked, in rows of one line."""
     if not responses:
         return wrap_line(text("tune_page.no_responses"), width, Token.DIM)
-    first = max(min(selected - height // 2, len(responses) - height), 0)
-    rows: list[Line] = []
-    for place, seen in list(enumerate(responses))[first : first + max(height, 1)]:
-        mark = ("▶ ", Token.ACTION) if place == selected else dim("  ")
-        words = (
-            fit_text(_response_words(seen, text), max(width - 2, 0)),
-            Token.TEXT if not seen.problems else Token.DIM,
-        )
-        rows.append((mark, words))
-    return rows
+    words = (fit_text(_response_words(seen, text), max(width - 2, 0)) for seen in responses)
+    tokens = (Token.DIM if seen.problems else Token.TEXT for seen in responses)
+    return list_rows([*zip(words, tokens, strict=True)], selected, height)
 
 
 def _response_words(seen: SeenResponse, text: Catalogue) -> str:

@@ -16,9 +16,10 @@ from console.tui.controller.errand import Errand
 from console.tui.further.scope_pictures import ScopeView, average_turns, picture, reading_lines
 from console.tui.further.scope_setup import ROWS, change_setup, channel_words, setup_lines
 from console.tui.keymap import PageName, RowKey
-from console.tui.lines import Line, Sheet, dim, entitle, line, wrap_line
+from console.tui.lines import Line, Sheet, entitle, line, wrap_line
 from console.tui.page import Page
 from console.tui.plot.trace_view import TraceView
+from console.tui.rows import list_rows
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from drivers.requests.permitted_lines import RequestKind
@@ -415,13 +416,7 @@ class ScopePage(Page):
 
     def _show_list(self) -> None:
         text, height = self.ui.text, max(self._list.size.height, 1)
-        first = max(min(self._file - height // 2, len(self._files) - height), 0)
-        rows = [
-            line(
-                ("▶ ", Token.ACTION) if place == self._file else dim("  "),
-                (printable(path.name), Token.SELECTED if place == self._file else Token.TEXT),
-            )
-            for place, path in enumerate(self._files[first : first + height], start=first)
-        ]
+        names = [(printable(path.name), Token.TEXT) for path in self._files]
+        rows = list_rows(names, self._file, height, Token.SELECTED)
         empty = wrap_line(text("scope_page.none_kept"), max(self._list.size.width, 1), Token.DIM)
         self._list.show(rows or empty, text("scope_page.kept", count=len(self._files)))

@@ -26,7 +26,6 @@ from console.tui.further.health_lines import (
     trend_lines,
 )
 from console.tui.further.loop_lines import LoopFacts, loop_facts, loop_lines, reason_lines
-from console.tui.further.problem_lines import problem_lines
 from console.tui.further.tune_panels import WIDE, LoopPanels, TuneView
 from console.tui.keymap import PageName
 from console.tui.lines import (
@@ -41,11 +40,11 @@ from console.tui.lines import (
     hanging,
     line,
     to_the_right,
-    wrap_line,
 )
 from console.tui.page import Page, move_selection, rows_moved
 from console.tui.plot.trace_view import TraceView
 from console.tui.records.background_reader import BackgroundReader, Problems
+from console.tui.rows import problem_lines, wrap_problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
 from drivers.cutting.strategy import Strategy
@@ -195,11 +194,8 @@ def gain_proposal_lines(facts: GainFacts, text: Catalogue, width: int) -> list[L
     )
     rests += hanging(dim("  "), asked, width, Token.DIM)
     if found is None:
-        told = [
-            line for problem in facts.reasons for line in wrap_line(text.problem(problem), width, Token.WARNING)
-        ]
-        return told + rests
-    lines = [row for each in facts.notes for row in hanging(("· ", Token.WARNING), text.problem(each), width)]
+        return wrap_problems(facts.reasons, text, width) + rests
+    lines = problem_lines(facts.notes, text, width, ("· ", Token.WARNING))
     lines.append(_gain_row("", text("tune_page.present"), text("tune_page.proposed"), head=True))
     for name, was, value in found.changes:
         lines.append(_gain_row(name, f"{was:.11g}", f"{value:.11g}"))
@@ -329,7 +325,7 @@ def trial_lines(trial: StandingTrial, text: Catalogue, width: int) -> list[Line]
     heading = text("tune_page.on_trial" if trial.whole else "tune_page.trial_broken", date=date, by=by)
     lines = hanging(("! ", token), heading, width, token)
     if not trial.whole:
-        lines += [row for each in trial.problems for row in wrap_line(text.problem(each), width, token)]
+        lines += wrap_problems(trial.problems, text, width)
     columns = (text("tune_page.before"), text("tune_page.applied"), text("tune_page.in_controller"))
     lines.append(line(dim(_trial_row("", *columns))))
     before, proposed, found = dict(trial.before), dict(trial.proposed), dict(trial.found)
@@ -354,10 +350,6 @@ class TunePage(Page):
     """What F5 has armed, F6 starts; nothing else on it moves anything. Pressed twice, a and b write gains."""
 
     name_ = PageName.TUNE
-
-    DEFAULT_CSS = """
-    TunePage { .panel { border: round $secondary; border-title-color: $foreground; } }
-    """
 
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui)

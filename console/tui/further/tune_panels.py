@@ -18,11 +18,11 @@ from console.tui.further.loop_lines import (
     reason_lines,
     response_lines,
 )
-from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, Sheet, clip_lines, dim, entitle, line
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import PointMarks, Series, TracePicture, TraceView
 from console.tui.records.background_reader import Problems
+from console.tui.rows import problem_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 

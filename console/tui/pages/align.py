@@ -20,7 +20,7 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.align import align_lines
 from console.tui.align.align_jog import JOGS, JogKeys, hold_the_key
-from console.tui.align.answers import asked_lines, asked_title
+from console.tui.align.answers import asked_lines
 from console.tui.align.ask_keys import AlignEntry, AskKeys
 from console.tui.application.far_terminal import WITHIN_S
 from console.tui.gate import FieldKind
@@ -364,7 +364,7 @@ class AlignPage(Page):
         self._ask.keep(view.state)
         self.set_class(self._ask.is_open, "-asking")
         if self._ask.is_open:
-            title = asked_title(self.ui.text, self._ask.entry_kind)
+            title = self.ui.text(f"align_page.asked.{self._ask.entry_kind}")
             self._asked.show(asked_lines(self.ui.text, self._ask.question(view), *self._asked.size), title)
 
     def _switch_off(self, key: str) -> None:

@@ -101,7 +101,6 @@ class InspectPage(ChartPage):
             layer: entry; position: absolute; offset: 50 0; width: 24; height: 1;
             background: $background; color: $foreground;
         }
-        .panel { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
         #inspect-message { height: 1fr; padding: 1 2; }
         #inspect-learn { height: 5; }
         #inspect-charts { height: 1fr; }

@@ -286,7 +286,6 @@ class PreviewPage(ChartPage):
     DEFAULT_CSS = """
     PreviewPage {
         layout: vertical;
-        .panel { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
         #preview-charts { layout: horizontal; height: 1fr; }
         #preview-left { width: 45%; height: 1fr; }
         #preview-right { width: 1fr; height: 1fr; }

@@ -41,7 +41,6 @@ class RecordsPage(ChartPage):
     RecordsPage {
         layout: vertical;
         layers: base entry;
-        .panel { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
         #records-entry {
             layer: entry; position: absolute; display: none; width: 60%; height: 1; offset: 4 1;
             background: $background; color: $foreground;
