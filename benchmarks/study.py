@@ -15,8 +15,7 @@ from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 
 from benchmarks.measure import extent, print_table, seconds
-from console.site.study.cells import cells, read_study
-from console.site.study.results import write_table
+from console.site.study.cells import cells, read_study, write_table
 from console.site.study.running import carry_out
 from console.site.study.workers import processes
 

@@ -109,7 +109,7 @@ def _dispatch(words: list[str], text: Catalogue, configuration: Configuration) -
 def _with_json(words: list[str], code: int, problems: list[Problem], text: Catalogue | None) -> int:
     """Return the exit code of a command; with --json, a failure is also a JSON object."""
     if code != DONE and text is not None and "--json" in words:
-        from console.cli.failure import print_failure
+        from console.cli.output import print_failure
 
         with suppress(OSError):  # nobody reads it
             print_failure(code, problems, text)

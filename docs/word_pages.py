@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from console.text.catalogue import load, words_of
-from console.tui.glossary import TERMS
+from console.tui.key_help import TERMS
 from console.units import METRIC
 from profiles.words.sentences import SINGULAR
 

@@ -1,8 +1,9 @@
-"""Errors that the session raises, besides those of the profiles and the drivers."""
+"""Errors that the session raises, besides those of the profiles and the drivers; what it refuses to do without."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from importlib.util import find_spec
 
 from profiles.problem import Problem, ProblemError
 
@@ -32,3 +33,9 @@ def require(holds: bool, code: str) -> None:
     """Refuse with a code unless something holds. Raises SessionError."""
     if not holds:
         raise SessionError(Problem(code=code))
+
+
+def require_extra(module: str, extra: str) -> None:
+    """Refuse where the library of an optional part is not installed: SessionError `extra.missing`."""
+    if find_spec(module) is None:
+        raise SessionError(Problem(code="extra.missing", value=module, limit=f"pip install 'trilobe[{extra}]'"))

@@ -12,8 +12,7 @@ from console.session.appearance import OwnKeys
 from console.text.catalogue import Catalogue
 from console.tui.application.lost_lines import lost_rows
 from console.tui.frame import MARKS, Frame, alarm_words, answer_of
-from console.tui.glossary import glossary_lines
-from console.tui.key_help import KEY_WIDTH, LISTS, help_lines, shown_key, words_of
+from console.tui.key_help import KEY_WIDTH, LISTS, glossary_lines, help_lines, shown_key, words_of
 from console.tui.keymap import ACTIONS, CLOSE, NO_KEYS, PALETTE, Action, PageName, actions_of
 from console.tui.lines import BLANK, Line, Sheet, dim, fit_text, hanging, justify_line, line, width_of, wrap_line
 from console.tui.pages.fields import name_field

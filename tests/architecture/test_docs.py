@@ -13,7 +13,7 @@ import pytest
 
 from console.__main__ import main
 from console.cli.commands import COMMANDS as CONSOLE_COMMANDS
-from console.tui.glossary import TERMS
+from console.tui.key_help import TERMS
 from docs.word_pages import FOLDER, PAGES, filled, sentences, shown
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.program_text import read_program

@@ -12,7 +12,7 @@ import pytest
 from pytest import MonkeyPatch
 
 import console as package
-from console.cli.machine.data_folder_checks import data_folder_checks
+from console.cli.machine.doctor_checks import data_folder_checks
 from console.text.catalogue import LANGUAGES, load
 from console.text.checks import check_fields
 from drivers.commissioning.backup import backup_text

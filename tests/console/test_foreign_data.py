@@ -18,8 +18,7 @@ from pathlib import Path
 import pytest
 from pytest import MonkeyPatch
 
-from console.cli.machine.data_folder_checks import data_folder_checks
-from console.cli.machine.doctor_checks import library_checks, loses_wal_reset
+from console.cli.machine.doctor_checks import data_folder_checks, library_checks, loses_wal_reset
 from console.escaping import csv_table
 from console.flight.ring import whole_lines
 from console.session.data import restore

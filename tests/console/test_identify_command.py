@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pytest import MonkeyPatch
 
-from console.cli.machine.identify_run import Teller
+from console.cli.machine.tool_tests import Teller
 from console.session.data.health import kept_tests
 from console.session.data.identified_responses import load, store
 from console.session.signals import Interruption
@@ -182,7 +182,7 @@ def true_position(machine: MachineProfile, monkeypatch: MonkeyPatch, data: Path)
             close=lambda: None,
         )
 
-    monkeypatch.setattr("console.cli.machine.identify_run.reach", reach)
+    monkeypatch.setattr("console.cli.machine.tool_tests.reach", reach)
     return made
 
 
@@ -307,7 +307,7 @@ def test_a_reader_that_is_gone_stops_it(console: Console, monkeypatch: MonkeyPat
     def broken(*_: object, **__: object) -> None:
         raise BrokenPipeError
 
-    monkeypatch.setattr("console.cli.machine.identify_run.print", broken, raising=False)
+    monkeypatch.setattr("console.cli.machine.tool_tests.print", broken, raising=False)
     said = console("identify", "--link", "tcp:lathe:1", "--yes", *SHORT)
     assert said.code == 1
     assert made.stop.reason == "output closed"

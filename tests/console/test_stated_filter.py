@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from console.cli.machine.identify_run import with_origin
+from console.cli.machine.tool_tests import with_origin
 from console.session.cut.trip_cause import with_cause
 from console.session.data.health import store as store_test
 from console.session.data.identified_responses import store as store_response

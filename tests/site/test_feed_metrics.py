@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import console.session.extras as extras
+import console.session.errors as extras
 from console.session.data.record_file import FILE_NAME
 from console.session.errors import SessionError
 from console.session.feed.feed_state import FeedState

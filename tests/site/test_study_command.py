@@ -18,11 +18,10 @@ from typing import Any
 
 import pytest
 
-import console.session.extras as extras
+import console.session.errors as extras
 from console.session.errors import SessionError
 from console.site.study import running
-from console.site.study.cells import MADE, Cell, Row, cells, read_study
-from console.site.study.results import TABLE, write_table
+from console.site.study.cells import MADE, TABLE, Cell, Row, cells, read_study, write_table
 from console.site.study.running import NAME, CellResult, StudyProgress, carry_out, failed_row, software
 from console.site.study.workers import Workers, processes
 from profiles.problem import ProblemError

@@ -16,7 +16,7 @@ import pytest
 
 from console.__main__ import main
 from console.cli.library import data_of
-from console.cli.machine.data_folder_checks import data_folder_checks
+from console.cli.machine.doctor_checks import data_folder_checks
 from console.flight.frozen_recordings import frozen_in
 from console.flight.recording import read_recording
 from console.session.data import calibrations, learned_store, stop_records

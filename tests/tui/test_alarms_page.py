@@ -26,7 +26,7 @@ from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.application.bell import APART_S, Bell
 from console.tui.application.lost_lines import lost_step
-from console.tui.glossary import TERMS, glossary_lines
+from console.tui.key_help import TERMS, glossary_lines
 from console.tui.keymap import PageName
 from console.tui.lines import plain_text, width_of
 from drivers.lathe.snapshot import AxisName

@@ -16,7 +16,7 @@ from console.session.cut.alignment import Alignment
 from console.session.data.kept_files import jobs_folder
 from console.session.station.commands import Adjust, Home, Jog
 from console.session.station.state import Activity, StationState, StopState
-from console.tui.align.jog_presses import SURE_S
+from console.tui.align.hold_run import SURE_S
 from console.tui.app import ConsoleApp
 from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys

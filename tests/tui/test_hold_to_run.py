@@ -13,8 +13,14 @@ from textual.pilot import Pilot
 from console.session.station.commands import Jog
 from console.session.station.state import Activity, StationState
 from console.tui.align.align_jog import HELD_UP_S, MOST_WAITING, StepQueue
-from console.tui.align.hold_run import UNMEASURED, HoldRun, KeyRepeatCalibration, Repeat
-from console.tui.align.jog_presses import JogPresses, ReportedStrokes
+from console.tui.align.hold_run import (
+    UNMEASURED,
+    HoldRun,
+    JogPresses,
+    KeyRepeatCalibration,
+    Repeat,
+    ReportedStrokes,
+)
 from console.tui.application.key_releases import OFF, ON, QUERY, SLOWEST_S, KeyReleases, ReportedKey, Stroke
 from console.tui.driver import Reader
 from console.tui.gate import UNREADABLE

@@ -22,7 +22,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.library import data_of
     from console.cli.machine import doctor_checks
     from console.cli.machine.card_access import card_fields, card_line, opened_card
-    from console.cli.machine.data_folder_checks import data_folder_checks
+    from console.cli.machine.doctor_checks import data_folder_checks
     from console.cli.output import confirm_motion, show
     from console.session.tuning.trial_checks import explained_checks
     from console.text.checks import check_fields, check_lines, summary_line

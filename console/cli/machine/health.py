@@ -28,6 +28,6 @@ def main(options: Namespace, text: Catalogue) -> int:
     if refused_plant(options, "health", text):
         return WRONG_USAGE
     # Numerics take longer to load than the whole command line; signals are already handled.
-    from console.cli.machine.health_run import check_and_keep
+    from console.cli.machine.tool_tests import check_and_keep
 
     return check_and_keep(options, interruption, text)

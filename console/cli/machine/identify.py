@@ -35,6 +35,6 @@ def main(options: Namespace, text: Catalogue) -> int:
     if refused_plant(options, "identify", text):
         return WRONG_USAGE
     # Numerics take longer to load than the whole command line; signals are already handled.
-    from console.cli.machine.identify_run import identify_and_keep
+    from console.cli.machine.tool_tests import identify_and_keep
 
     return identify_and_keep(options, interruption, text)

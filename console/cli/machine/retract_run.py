@@ -7,7 +7,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from console.cli.library import SIM_LINK, machine_of
-from console.cli.machine.identify_run import reached_machine
+from console.cli.machine.tool_tests import reached_machine
 from console.cli.output import confirm_motion, show, tell
 from console.session.cut.alignment import NO_HOME_FOR_TABLE, Alignment, held_by, tables_told
 from console.session.cut.retracting import clear_tables, retract_and_switch_tables_off, retracted_by_distance

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from console.school.instructing.mailbox import InstructorAct, Mailbox, Picture
 from console.school.training.attempt import Attempt
 from console.session.station.history.session_log import LogEntry, LogKind
-from console.tui.further.log_text import log_row
+from console.tui.further.log_lines import log_row
 
 if TYPE_CHECKING:
     from textual.screen import Screen

@@ -215,7 +215,7 @@ def _friction_of(loaded: LoadedMachine, data: Path, *, simulated: bool) -> Calla
     """Return what looks up the friction of the tool once something trips: no start waits for numerics."""
 
     def found() -> str:
-        from console.session.tuning.known_friction import identified_friction
+        from console.session.tuning.known_loop import identified_friction
 
         return identified_friction(loaded.machine, data, simulated=simulated)
 

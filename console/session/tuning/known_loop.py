@@ -19,6 +19,7 @@ from profiles.axis.plant_fit import LoopPoint, PlantFit, fitted_plant
 from profiles.axis.sampled_loop import SampledLoop, loop_of
 from profiles.axis.servo_gains import complete_settings, gains_from_variables, with_variables
 from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
 
 MOST_RESPONSES = 20
 LEAST_COHERENCE = 0.95
@@ -91,3 +92,15 @@ def _points(machine: MachineProfile, found: IdentifiedResponse) -> list[LoopPoin
         for point in found.points
         if point.coherence >= LEAST_COHERENCE
     ]
+
+
+def identified_friction(machine: MachineProfile, data: Path, *, simulated: bool) -> str:
+    """Return friction and half-width for 95 % as text, "" where no response tells it from nothing."""
+    try:
+        fit = known_loop(machine, data, simulated=simulated).fit
+    except ProfileError:  # what matters is the trip; the page Tune names the file that cannot be read
+        return ""
+    thrust = machine.tool.loop_gain_n_per_v
+    if fit is None or fit.friction_v <= 1.96 * fit.friction_sd_v:
+        return ""
+    return f"{thrust * fit.friction_v:.1f} ± {1.96 * thrust * fit.friction_sd_v:.1f} N"

@@ -10,11 +10,13 @@ from pathlib import Path
 
 from console.session.data.kept_files import folder_name, keep, numbered_files, read_kept_values, utc_now
 from console.session.operator import operator_name
+from drivers.identification.tool_gains import matches
 from drivers.link.address import without_options
 from profiles.axis.notch import is_coefficient
 from profiles.axis.sampled_loop import AxisPlant, FlexibleMode
-from profiles.axis.servo_gains import is_filter
+from profiles.axis.servo_gains import is_filter, stated_settings
 from profiles.files import printable, write_atomically
+from profiles.machine import MachineProfile
 from profiles.strict_values import read_own
 
 FOLDER, SCHEMA = "trials", 1
@@ -147,3 +149,17 @@ def _judge(record: TrialRecord) -> None:
             raise ValueError(f"axis {error}") from error
         if plant is None or plant.acceleration_per_v <= 0.0 or plant.damping_per_s < 0.0 or plant.delay_s < 0.0:
             raise ValueError("axis")
+
+
+def ended_by(machine: MachineProfile, trial: TrialRecord, found: Mapping[str, float]) -> str:
+    """Return the event that ends a trial with the gains that were found, "" where it goes on.
+
+    `adopted` is that the profile has the proposed ones: those have to be proven in air first. With others of the
+    profile, as `controller apply` writes them, nothing of the trial is left; a filter among them is proven as any
+    of a profile (`console.session.tuning.stated_filter`).
+    """
+    if matches(found, trial.before):
+        return RESTORED
+    if matches(stated_settings(machine), found):
+        return ADOPTED if matches(found, trial.proposed) else RESTORED
+    return ""

@@ -16,9 +16,8 @@ from console.session.tuning import record as records
 from console.session.tuning.air_proof import find_missing_proofs
 from console.session.tuning.bounds import bound_problems, filter_problems, margins_with
 from console.session.tuning.known_loop import KnownLoop, known_loop
-from console.session.tuning.record import TrialRecord, open_trial, plant_of, values_of
+from console.session.tuning.record import TrialRecord, ended_by, open_trial, plant_of, values_of
 from console.session.tuning.standing_trial import Gains, StandingTrial, format_gains, stands_problem
-from console.session.tuning.trial_end import ended_by
 from drivers.commissioning.gains import refuse_unready
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.identification.tool_gains import ToolGains, ToolLoop, matches

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from console.session.tuning.record import RESTORED, open_trial
+from console.session.tuning.record import RESTORED, ended_by, open_trial
 from console.session.tuning.standing_trial import format_gains
-from console.session.tuning.trial_end import ended_by
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.configuration import ControllerConfiguration
 from drivers.identification.tool_gains import indices_of

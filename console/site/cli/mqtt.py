@@ -19,7 +19,7 @@ from console.text.catalogue import Catalogue
 from drivers.simulator.hosts.control_address import is_loopback
 
 if TYPE_CHECKING:
-    from console.site.exchange.broker import Broker
+    from console.site.exchange.publisher import Broker
 
 PREFIX = "trilobe"
 
@@ -94,7 +94,7 @@ class _ConnectionReporter:
 
 
 def _broker(options: Namespace) -> Broker:
-    from console.site.exchange.broker import PORT, TLS_PORT, Broker, credentials
+    from console.site.exchange.publisher import PORT, TLS_PORT, Broker, credentials
 
     tls = bool(options.tls or options.ca)
     host, port = options.broker

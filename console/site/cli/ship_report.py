@@ -12,10 +12,9 @@ from threading import Timer
 
 from console.cli.library import data_of
 from console.cli.output import show
-from console.session.extras import require_extra
-from console.site.shop.following import follow
+from console.session.errors import require_extra
 from console.site.shop.schema import migrate
-from console.site.shop.shipping import SentRows, ship
+from console.site.shop.shipping import SentRows, follow, ship
 from console.text.catalogue import Catalogue
 from profiles.files import printable
 from profiles.problem import Problem

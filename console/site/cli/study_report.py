@@ -13,9 +13,8 @@ from statistics import median
 
 from console.cli.library import data_of
 from console.cli.output import show
-from console.session.extras import require_extra
-from console.site.study.cells import MADE, Row, cells, read_study
-from console.site.study.results import write_parquet, write_table
+from console.session.errors import require_extra
+from console.site.study.cells import MADE, Row, cells, read_study, write_parquet, write_table
 from console.site.study.running import StudyProgress, carry_out
 from console.site.study.workers import Workers, cluster, processes
 from console.text.catalogue import Catalogue

@@ -13,8 +13,7 @@ from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
-from console.session.errors import SessionError
-from console.session.extras import require_extra
+from console.session.errors import SessionError, require_extra
 from profiles.files import printable
 from profiles.problem import Problem
 

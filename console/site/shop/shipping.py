@@ -2,11 +2,13 @@
 
 A transaction holds the rows and their progress; so after any failure of either side the next one begins where
 the last whole one ended. Two consoles that send from one folder take turns: the rows of progress are locked first.
+`follow` sends what is recorded as it is recorded, whatever happens to network and database meanwhile.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -21,7 +23,7 @@ from console.site.shop.outbox import Outbox, Row, outbox
 from console.site.shop.schema import refuse_other_schema
 from console.site.shop.tables import SENT, SentTable, mark_of
 from profiles.files import printable
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 
 if TYPE_CHECKING:
     import psycopg
@@ -246,3 +248,61 @@ def _refuse_unstorable(table: SentTable, batch: Sequence[Row], data: Path) -> No
         if any(isinstance(each, str) and "\0" in each for each in row):
             where, value = printable(str(data / FILE_NAME)), f"{table.name} {row[0]}"
             raise SessionError(Problem(code="ship.not_text", where=where, value=value))
+
+
+PERIOD_S = 5.0
+GREET_S = 3600.0
+LEAST_PAUSE_S, MOST_PAUSE_S = 1.0, 60.0
+SAID_AGAIN_S = 60.0
+
+PASSING = frozenset({"ship.lost", "ship.no_schema", "ship.older_schema", "record.not_readable"})
+"""Refusals that may end by themselves, or by what somebody does at the database: tried again."""
+
+Waits = Callable[[float], object]
+
+
+def follow(
+    data: Path,
+    given: str,
+    *,
+    period_s: float = PERIOD_S,
+    told: Callable[[SentRows], object] = lambda sent: None,
+    waits: Waits = time.sleep,
+    clock: Callable[[], float] = time.monotonic,
+) -> Generator[SentRows | Problem, None, None]:
+    """Send for ever; yield what each pass has sent, and a refusal that is tried again, each minute while it lasts.
+
+    `waits` waits some seconds. Between two tries the pause doubles, up to a minute. Raises SessionError: any
+    refusal that is not in `PASSING`.
+    """
+    pause_s, last, said_s = LEAST_PAUSE_S, None, 0.0
+    while True:
+        try:
+            for sent in _over_one_link(data, given, period_s, told, waits):
+                pause_s, last = LEAST_PAUSE_S, None
+                yield sent
+        except ProblemError as error:
+            problem = error.problems[0]
+            if problem.code not in PASSING:
+                raise
+            if problem != last or clock() - said_s >= SAID_AGAIN_S:
+                last, said_s = problem, clock()
+                yield problem
+        waits(pause_s)
+        pause_s = min(2.0 * pause_s, MOST_PAUSE_S)
+
+
+def _over_one_link(
+    data: Path, given: str, period_s: float, told: Callable[[SentRows], object], waits: Waits
+) -> Iterator[SentRows]:
+    lathe = lathe_identity(data)
+    with connect_shop(given) as link:
+        refuse_other_schema(link)
+        greeted_s, sent = -GREET_S, None
+        while True:
+            if time.monotonic() - greeted_s >= GREET_S:
+                greet(link, lathe)
+                greeted_s = time.monotonic()
+            sent = ship_over(link, data, lathe, told=told, before=sent)
+            yield sent
+            waits(period_s)

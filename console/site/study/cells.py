@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import pickle
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import product
@@ -18,6 +18,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from console.escaping import csv_table
 from console.session.data.calibrated_chuck import apply_calibrations
 from console.session.data.kept_files import jobs_folder, machines_folder
 from drivers.cutting.strategy import Strategy
@@ -25,7 +26,7 @@ from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import TrueParameters, as_simulated
 from drivers.simulator.plant.which_lathe import MOUNTED
 from profiles.fields import Field, FieldType, fault, read_fields, schema_problem, spell_toml
-from profiles.files import printable, read_toml
+from profiles.files import printable, read_toml, write_atomically
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError, ProfileError
@@ -255,3 +256,34 @@ def cells(study: Study, data: Path, beside: Path) -> Iterator[Cell]:
 def _resolve_path(name: str, beside: Path) -> str:
     """Return a path as seen from here; a name stays one."""
     return str(beside / name) if "/" in name or name.endswith(".toml") else name
+
+
+TABLE, PARQUET = "results.csv", "results.parquet"
+
+
+def write_table(folder: Path, rows: Sequence[Row]) -> Path:
+    """Write the results as CSV; numbers are not rounded. ProfileError `file.not_writable`."""
+    path = folder / TABLE
+    content = csv_table(COLUMNS, ([_format_value(row[column]) for column in COLUMNS] for row in rows))
+    write_atomically(path, content.encode("utf-8", "backslashreplace"), overwrite=True)
+    return path
+
+
+def _format_value(value: Value) -> Value:
+    if value is None:
+        return ""
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def write_parquet(folder: Path, rows: Sequence[Row]) -> Path:
+    """Write the results as Parquet, with pyarrow. ProfileError `file.not_writable`."""
+    import pyarrow as arrow
+    from pyarrow import parquet
+
+    types: dict[type, Any] = {str: arrow.string(), int: arrow.int64(), float: arrow.float64(), bool: arrow.bool_()}
+    schema = arrow.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
+    written = io.BytesIO()
+    parquet.write_table(arrow.Table.from_pylist([dict(row) for row in rows], schema=schema), written)
+    path = folder / PARQUET
+    write_atomically(path, written.getvalue(), overwrite=True)
+    return path

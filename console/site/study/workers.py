@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from multiprocessing import active_children, get_context
 from typing import Any
 
-from console.session.errors import SessionError
-from console.session.extras import require_extra
+from console.session.errors import SessionError, require_extra
 from drivers.ending_signals import ENDING_SIGNALS
 from profiles.files import printable
 from profiles.problem import Problem

@@ -15,15 +15,17 @@ from console.tui.align.hold_run import (
     CALIBRATION_S,
     LONGEST_STEP_S,
     MOST_GAP_S,
+    SURE_S,
     UNMEASURED,
     HoldRun,
+    JogPresses,
     KeyRepeatCalibration,
     Overrun,
     Repeat,
+    ReportedStrokes,
     Tier,
     overrun,
 )
-from console.tui.align.jog_presses import SURE_S, JogPresses, ReportedStrokes
 from console.tui.application.key_releases import SLOWEST_S
 from console.tui.pages.jog_lines import JogView
 from console.tui.ui_context import KEYS, UiContext, refusal

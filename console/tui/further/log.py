@@ -8,8 +8,7 @@ from pathlib import Path
 
 from console.session.station.history.session_log import LogEntry, SessionLog
 from console.tui.entry import EntryLine
-from console.tui.further.log_lines import log_part
-from console.tui.further.log_text import export_log, find_entries
+from console.tui.further.log_lines import export_log, find_entries, log_part
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, line, wrap_line

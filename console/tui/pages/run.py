@@ -33,7 +33,7 @@ from console.session.station.state import Activity
 from console.session.work import Work, changed_since_opened
 from console.text.along_length import stretch_words
 from console.text.catalogue import Catalogue
-from console.tui.align.jog_presses import JogPresses, ReportedStrokes
+from console.tui.align.hold_run import JogPresses, ReportedStrokes
 from console.tui.application.key_releases import Stroke
 from console.tui.keymap import Action, PageName, actions_of
 from console.tui.lines import BLANK, Line, dim, hanging, line, wrap_line

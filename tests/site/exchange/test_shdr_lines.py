@@ -19,7 +19,6 @@ from console.session.feed.feed_state import FeedAlarm, FeedState
 from console.session.feed.observed_state import ObservedState
 from console.session.feed.report import report
 from console.session.station.state import Activity, StationState
-from console.site.exchange.broker import Broker, credentials
 from console.site.exchange.mtconnect import (
     ITEMS,
     NAMESPACE,
@@ -30,6 +29,7 @@ from console.site.exchange.mtconnect import (
     publish_state,
     shdr_lines,
 )
+from console.site.exchange.publisher import Broker, credentials
 from profiles.store import load_machine
 from tests.tui import scenes
 

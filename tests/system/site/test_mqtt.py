@@ -25,9 +25,8 @@ from console.session.feed.observed_state import ObservedState
 from console.session.feed.server import FeedServer
 from console.session.station.state import Activity, StationState
 from console.site.exchange import publisher
-from console.site.exchange.broker import Broker
 from console.site.exchange.mtconnect import ITEMS, device_name, topic_of
-from console.site.exchange.publisher import CLOSED, NO_ANSWER, Publisher
+from console.site.exchange.publisher import CLOSED, NO_ANSWER, Broker, Publisher
 from profiles.store import load_machine
 from tests.preloaded import Preloaded, completed
 

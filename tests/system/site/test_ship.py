@@ -20,10 +20,9 @@ import pytest
 from console.session.data.record_file import FILE_NAME
 from console.session.data.run_reader import runs
 from console.session.errors import SessionError
-from console.site.shop import following, shipping
-from console.site.shop.following import follow
+from console.site.shop import shipping
 from console.site.shop.identity import lathe_identity
-from console.site.shop.shipping import MOST_ROWS, SentRows, ship
+from console.site.shop.shipping import MOST_ROWS, SentRows, follow, ship
 from profiles.problem import Problem
 from tests.record_clock import set_dates
 from tests.site.shop_server import OWNER, READER, SHIPPER, ShopServer, needs_postgresql
@@ -328,7 +327,7 @@ def test_a_following_console_waits_for_the_owner_to_migrate(shop: ShopServer, tm
     shop.sql("DROP SCHEMA shop CASCADE")
     found = follow(tmp_path, shop.dsn(OWNER), waits=lambda seconds: migrate(shop.dsn(OWNER)))
     first, second = next(found), next(found)
-    assert isinstance(first, Problem) and first.code == "ship.no_schema" and first.code in following.PASSING
+    assert isinstance(first, Problem) and first.code == "ship.no_schema" and first.code in shipping.PASSING
     assert isinstance(second, SentRows) and second.rows["runs"] == 1
 
 

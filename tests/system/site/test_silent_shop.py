@@ -15,8 +15,7 @@ import pytest
 
 from console.session.errors import SessionError
 from console.site.shop import connection
-from console.site.shop.following import follow
-from console.site.shop.shipping import SentRows, ship
+from console.site.shop.shipping import SentRows, follow, ship
 from profiles.problem import Problem
 from tests.preloaded import completed
 from tests.site.shop_server import SHIPPER, ShopServer, needs_postgresql

@@ -1,4 +1,4 @@
-"""Identification of one machine: the one at the given address, or one in memory with --sim.
+"""Identification and health test of one machine: the one at the given address, or one in memory with --sim.
 
 The identified response is shown beside that of the machine profile; angles in degrees.
 """
@@ -19,7 +19,7 @@ from console.cli.library import data_of, machine_of, true_parameters_of
 from console.cli.machine.stopping import StopMonitor
 from console.cli.output import confirm_motion, show, tell
 from console.session.cut.trip_cause import filter_suspected
-from console.session.data.identified_responses import store
+from console.session.data import health, identified_responses
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
 from console.session.signals import Interruption
@@ -28,8 +28,17 @@ from console.session.station.machine_connection import guard, leave, reach
 from console.session.station.machine_control import MachineControl
 from console.session.tuning.trial import TrialPlace, standing_trial
 from console.text.catalogue import Catalogue
-from console.text.columns import pad_left, wrap_text
+from console.text.columns import pad_left, table, wrap_text
 from drivers.cutting.strategy import Strategy
+from drivers.identification.health import (
+    FIGURES,
+    HealthRequest,
+    HealthResult,
+    check_health,
+    figures_of,
+    health_problems,
+    model_figures_of,
+)
 from drivers.identification.identify import identify, origin_of, take_up
 from drivers.identification.nominal import nominal_response, phase_difference_deg
 from drivers.identification.request import IdentificationRequest, request_problems
@@ -182,7 +191,7 @@ def identify_and_keep(options: Namespace, interruption: Interruption, text: Cata
     identified = work_agreed(options, loaded, interruption, text, refuse, work)
     if identified is None:
         return 1
-    file = store(data_of(options), identified)
+    file = identified_responses.store(data_of(options), identified)
     show(options, lambda: response_fields(identified, machine, file), lambda: teller.end(identified, file))
     return 0
 
@@ -286,3 +295,44 @@ def _trial_gains(rig: Rig, data: Path, simulated: bool) -> dict[str, float]:
     place = TrialPlace(client=rig.client, machine=rig.lathe.machine, data=data, simulated=simulated)
     trial = standing_trial(place, settle=True)
     return {} if trial is None or not trial.whole else dict(trial.proposed)
+
+
+NOTHING = "-"
+
+
+def check_and_keep(options: Namespace, interruption: Interruption, text: Catalogue) -> int:
+    """Test, print and keep the result; 1 without consent to move a machine."""
+    loaded, data = machine_of(options), data_of(options)
+    request = HealthRequest() if options.step is None else HealthRequest(step_um=options.step)
+    if problems := health_problems(request, loaded.machine):
+        raise SessionError(*problems)
+
+    def work(rig: Rig, origin: ResponseOrigin) -> HealthResult:
+        take_up(rig)
+        return check_health(rig, request, origin, utc_now())
+
+    def refuse(rig: Rig) -> None:
+        refuse_unready(rig, health_problems(request, rig.machine))
+
+    result = work_agreed(options, loaded, interruption, text, refuse, work)
+    if result is None:
+        return 1
+    kept = health.kept_tests(data, loaded.machine.name, 1)
+    before = kept[0].result if kept else None
+    file = health.store(data, result)
+    show(options, lambda: {**asdict(result), "file": str(file)}, lambda: _lines(result, before, file, text))
+    return 0
+
+
+def _lines(result: HealthResult, before: HealthResult | None, file: Path, text: Catalogue) -> list[str]:
+    """Return the figures beside those of the model and of the test before."""
+    columns = ("figure", "measured", "model", "before")
+    found, model = figures_of(result), model_figures_of(result)
+    last = {} if before is None else figures_of(before)
+    rows = [tuple(text(f"health.column.{name}") for name in columns)]
+    for key in FIGURES:
+        values = (f"{each[key]:.4g}" if key in each else NOTHING for each in (found, model, last))
+        rows.append((text(f"health.{key}"), *values))
+    mark = f"{text('sim')}  " if result.origin.simulated else ""
+    head = text("health.head", machine=result.origin.machine, step=f"{result.step_um:g}")
+    return [mark + head, "", *table(rows, numeric=(1, 2, 3)), "", text("identify.kept", file=printable(str(file)))]
