@@ -25,14 +25,8 @@ def whole_parser(text: Catalogue, prog: str = "console") -> Parser:
 
 def commands_of(parser: argparse.ArgumentParser) -> dict[str, Parser]:
     """Return the parsers of commands, or of the actions of one, by name."""
-    return {name: each for action in subparsers(parser) for name, each in action.choices.items()}
-
-
-def subparsers(parser: argparse.ArgumentParser) -> Iterator[argparse._SubParsersAction[Parser]]:
-    """Yield what holds the parsers of commands; argparse has no public way to it."""
-    for action in parser._actions:  # noqa: SLF001
-        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
-            yield action
+    found = (each for each in parser._actions if isinstance(each, argparse._SubParsersAction))  # noqa: SLF001
+    return {name: each for action in found for name, each in action.choices.items()}  # there is no public way
 
 
 def every_parser(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:

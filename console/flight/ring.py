@@ -78,7 +78,7 @@ class SegmentRing:
 
     def segments(self) -> list[Path]:
         """Return the segments, oldest first."""
-        return segments_in(self.folder)
+        return sorted(self.folder.glob(f"*{SEGMENT}"))
 
     def close(self, *, remove: bool) -> None:
         """Write nothing more; remove the ring, or leave it to the next start."""
@@ -99,11 +99,6 @@ class SegmentRing:
 def line_of(value: Mapping[str, Any]) -> bytes:
     """Return one line of a recording."""
     return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode() + b"\n"
-
-
-def segments_in(folder: Path) -> list[Path]:
-    """Return the segments of a ring, oldest first."""
-    return sorted(folder.glob(f"*{SEGMENT}"))
 
 
 def whole_lines(segments: list[Path]) -> Iterator[bytes]:

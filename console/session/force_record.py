@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
-from profiles.compensations.force_null import AGREES_DEG, MIRRORED_DEG, SURE, ForceNull, ForceNullReason, Sign
+from profiles.compensations.force_null import AGREES_DEG, MIRRORED_DEG, SURE, ForceNull
 from profiles.job import Job
 from profiles.problem import Problem
-from profiles.strict_values import from_json, number, text, whole_number
+from profiles.strict_values import StrictReader, from_json
 
 FORCE = "force_null"
-_COMPLEX = ("force_n", "right_n", "wrong_n", "ratio")
-_NUMBERS = ("force_sd_n", "mean_n", "turned_deg", "turned_sd_deg")
-_COUNTS = ("lobes", "air_turns", "cut_turns")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,42 +57,24 @@ def force_event(found: ForceNull | None) -> dict[str, object]:
     """Return the check as fields, nothing without one; forces in N, angles in deg, complex numbers as pairs."""
     if found is None:
         return {}
-    pairs = {name: [getattr(found, name).real, getattr(found, name).imag] for name in _COMPLEX}
-    plain = {name: getattr(found, name) for name in (*_NUMBERS, *_COUNTS)}
-    return {FORCE: {"sign": found.sign.value, "why": found.why.value, **pairs, **plain}}
+    values = asdict(found).items()
+    return {FORCE: {name: [each.real, each.imag] if isinstance(each, complex) else each for name, each in values}}
 
 
 def force_of(data: str) -> ForceNull | None:
     """Return the check that an event has; None where it has none, or a damaged one."""
     try:
-        said = from_json(data)[FORCE]
-        return _read(said) if isinstance(said, Mapping) else None
+        found: ForceNull = _ForceReader().read(ForceNull, from_json(data)[FORCE])
     except (ValueError, TypeError, KeyError):
         return None
+    return found
 
 
-def _read(said: Mapping[str, object]) -> ForceNull:
-    values: dict[str, complex] = {}
-    for name in _COMPLEX:
-        pair = said[name]
-        if not isinstance(pair, list):
-            raise TypeError(name)
-        real, imaginary = (number(each) for each in pair)
-        values[name] = complex(real, imaginary)
-    lobes, air_turns, cut_turns = (whole_number(said[name]) for name in _COUNTS)
-    force_sd_n, mean_n, turned_deg, turned_sd_deg = (number(said[name]) for name in _NUMBERS)
-    return ForceNull(
-        sign=Sign(text(said["sign"])),
-        why=ForceNullReason(text(said["why"])),
-        lobes=lobes,
-        force_n=values["force_n"],
-        right_n=values["right_n"],
-        wrong_n=values["wrong_n"],
-        ratio=values["ratio"],
-        force_sd_n=force_sd_n,
-        mean_n=mean_n,
-        turned_deg=turned_deg,
-        turned_sd_deg=turned_sd_deg,
-        air_turns=air_turns,
-        cut_turns=cut_turns,
-    )
+class _ForceReader(StrictReader):
+    """Reads every field, a complex number as a pair."""
+
+    complete = True
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.plain = {**self.plain, complex: lambda pair: complex(*self.read(tuple[float, float], pair))}

@@ -15,7 +15,6 @@ from contextlib import closing, contextmanager, suppress
 from io import TextIOWrapper
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
-from types import TracebackType
 from typing import NoReturn
 
 from console.escaping import escape_text
@@ -36,14 +35,11 @@ def note(data: Path, text: str, *, level: int = logging.INFO, error: BaseExcepti
             return
         folder = data / FOLDER
         make_private_folder(folder)
-        record = logging.LogRecord("trilobe", level, "", 0, "%s", (text,), _info(error))
+        raised = None if error is None else (type(error), error, error.__traceback__)
+        record = logging.LogRecord("trilobe", level, "", 0, "%s", (text,), raised)
         with _lock_log(folder):
             with closing(_Handler(folder / FILE)) as handler:
                 handler.emit(record)
-
-
-def _info(error: BaseException | None) -> tuple[type[BaseException], BaseException, TracebackType | None] | None:
-    return None if error is None else (type(error), error, error.__traceback__)
 
 
 class _Handler(RotatingFileHandler):

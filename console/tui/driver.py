@@ -329,7 +329,7 @@ class Reader:
         if event is not None and not self._releases.understood and not inert:
             return [events.Key(gate.UNREADABLE, None)]
         if event == RELEASE:
-            self._releases.count_release()
+            self._releases.count += 1
             return []
         # A press has no event type.
         stroke = Stroke(repeated=event == REPEAT, releases=self._releases.count)

@@ -47,7 +47,9 @@ def main(options: Namespace, text: Catalogue) -> int:
         import_module(STATUS).show_status(options, text)
         return 0
     found = list_library(list_jobs(jobs_folder(data_of(options))), load_job)
-    machine = judged_of(options).machine if _names_machine(options) else None
+    named = options.configuration.settings.get("machine")
+    is_named = named is not None and named.origin is SettingOrigin.OPTION
+    machine = judged_of(options).machine if is_named else None
     show(
         options,
         lambda: {
@@ -57,11 +59,6 @@ def main(options: Namespace, text: Catalogue) -> int:
         lambda: _lines(found, machine, text),
     )
     return 0
-
-
-def _names_machine(options: Namespace) -> bool:
-    found = options.configuration.settings.get("machine")
-    return found is not None and found.origin is SettingOrigin.OPTION
 
 
 def _find_job_refusals(loaded: LoadedJob, machine: MachineProfile | None) -> tuple[Problem, ...]:

@@ -408,12 +408,6 @@ class RecordedPart:
         return 1000.0 * (self.diameter_mm - self.nominal_diameter_mm)
 
     @property
-    def is_of_size(self) -> bool | None:
-        """Whether each mean diameter is within its tolerance; None without a diameter or a tolerance."""
-        figure = self.figure(ToleranceKind.DIAMETER)
-        return None if figure is None else figure.passes
-
-    @property
     def is_good(self) -> bool | None:
         """Whether its figures are within their tolerances; a size that was not measured is not judged.
 

@@ -281,7 +281,8 @@ def machine_context(reached: ConnectedMachine, commissioned: CommissioningGate) 
     def admit() -> None:
         """Take control, and check the commissioning, before anything is written."""
         reached.owning.claim()
-        refuse_differing(lathe, commissioned.trial_note())
+        if differing := lathe.verify():
+            refuse(commissioned.trial_note(), differing)
         commissioned.take_fingerprint()
         refuse(commissioned.problems(lathe.snapshot()), commissioned.filter_doubts())
 
@@ -292,12 +293,6 @@ def machine_context(reached: ConnectedMachine, commissioned: CommissioningGate) 
         admit=admit,
         sets_spindle=reached.simulated and lathe.machine.spindle.followed,
     )
-
-
-def refuse_differing(lathe: Lathe, explained: tuple[Problem, ...]) -> None:
-    """Refuse a controller that is not as its profile; `explained` is told first. SessionError: both."""
-    if differing := lathe.verify():
-        refuse(explained, differing)
 
 
 def leave(lathe: Lathe, owning: MachineControl) -> bool:

@@ -372,22 +372,17 @@ class CutTracker:
         away = self._away.see(snapshot, hold, self._reached_mm, self._pace)
         if away and stage is CutStage.RUN_UP and not (holding or ends):
             stage = CutStage.PAUSED if hold.state is HoldState.HELD else CutStage.CUT
-        moment = self._judged_moment(snapshot, stage, holding, speed_rpm)
+        moment, first = self._judged_moment(snapshot, stage, holding, speed_rpm), self._plan.hold_from
         return replace(
             moment,
             phases=self._phases(snapshot, moment),
             to_go=self._to_go(snapshot, moment),
             hold=hold,
-            hold_from_mm=self._hold_from_mm,
+            hold_from_mm=None if first is None else (first - self._face) / self._machine.carriage.counts_per_mm,
             holds_mm=self._away.at_mm,
             held_left_s=self._away.left_s if moment.stage is CutStage.PAUSED else None,
             adjusted=adjusted,
         )
-
-    @property
-    def _hold_from_mm(self) -> float | None:
-        first = self._plan.hold_from
-        return None if first is None else (first - self._face) / self._machine.carriage.counts_per_mm
 
     def _judged_moment(
         self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None

@@ -361,16 +361,15 @@ class StationState:
 
     def is_stale(self, now_s: float) -> bool:
         """Whether the state shown is too old, or will not be refreshed."""
-        age_s = self.age_s(now_s)
-        return self.activity is Activity.LOST or age_s is None or age_s > self._stale_s
+        age_s, limit_s = self.age_s(now_s), STALE_IN_MOTION_S if self._is_seen_moving else STALE_S
+        return self.activity is Activity.LOST or age_s is None or age_s > limit_s
 
     def is_unanswered(self, now_s: float) -> bool:
         """Whether something was seen moving, or is being stopped, and nobody has told since what it does."""
         stopping = self.activity is Activity.STOPPING and self.stop is not None and self.stop.rest_s is None
-        seen = self.activity in POLLED and self.snapshot is not None and self.snapshot.moving
-        return self.controls and (stopping or seen) and self.snapshot is not None and self.is_stale(now_s)
+        seen = stopping or self._is_seen_moving
+        return self.controls and seen and self.snapshot is not None and self.is_stale(now_s)
 
     @property
-    def _stale_s(self) -> float:
-        seen = self.activity in POLLED and self.snapshot is not None and self.snapshot.moving
-        return STALE_IN_MOTION_S if seen else STALE_S
+    def _is_seen_moving(self) -> bool:
+        return self.activity in POLLED and self.snapshot is not None and self.snapshot.moving

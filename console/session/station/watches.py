@@ -86,9 +86,10 @@ class PollPause:
 
     def see(self) -> None:
         """Note a poll; after a pause disarm."""
-        pause_s = self._pause_s()
+        screen, machine, asleep = (now - at for now, at in zip(self._read_clocks(), self._polled, strict=True))
         self._polled = self._read_clocks()
-        self._judge(pause_s)
+        # The time since the last poll, less that of a paused lathe, plus that of a suspended computer.
+        self._judge(min(screen, machine) + asleep)
 
     def _judge(self, pause_s: float) -> None:
         if pause_s > FROZEN_S and self._context.state.armed is not None:
@@ -99,11 +100,6 @@ class PollPause:
         freezes = self._context.lathe.stop.freezes
         pause_s = 0.0 if freezes is None else freezes.woke_from_s(AWAKE_S)
         return _frozen_problem(pause_s) if pause_s else None
-
-    def _pause_s(self) -> float:
-        """Return the time since the last poll, less that of a paused lathe, plus that of a suspended computer."""
-        screen, machine, asleep = (now - at for now, at in zip(self._read_clocks(), self._polled, strict=True))
-        return min(screen, machine) + asleep
 
     def _read_clocks(self) -> tuple[float, float, float]:
         return self._context.screen_s(), self._context.clock.now_s(), boot_s() - time.monotonic()

@@ -20,12 +20,7 @@ KEPT_BYTES = 8192  # that the system keeps for a client: some lines
 UNREAD_S = 5.0  # timeout for a client that does not read
 HEARTBEAT_S = 10.0  # between two pings of an agent; it is dropped after twice that
 LOOK_S = 0.1  # between two looks at what is new
-PING = b"* PING"
-
-
-def pong_line(heartbeat_s: float) -> str:
-    """Return the answer to a ping: how often the agent has to send one."""
-    return f"* PONG {round(heartbeat_s * 1000)}"
+PING = b"* PING"  # is answered by how often the agent has to send one, ms
 
 
 class Adapter:
@@ -77,7 +72,7 @@ class Adapter:
                         return  # it has left
                     if line.strip() == PING:
                         last_ping_s = now_s()
-                        await self._say(writer, [pong_line(self._heartbeat_s)])
+                        await self._say(writer, [f"* PONG {round(self._heartbeat_s * 1000)}"])
                     asked = asyncio.create_task(reader.readline())
         finally:
             abandon(asked)

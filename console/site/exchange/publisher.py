@@ -93,16 +93,15 @@ class Publisher:
             return
         published, state = self._newest
         for key, payload in messages(published, state).items():
-            if self._told.get(key) == payload or (key in self._told and key == STATE and not self._is_news(state)):
+            if self._told.get(key) == payload or (
+                key in self._told and key == STATE and not is_news(state, self._state)
+            ):
                 continue
             if self._client.publish(self._topic + key, payload, AT_LEAST_ONCE, retain=True).rc != 0:
                 return
             self._told[key] = payload
             if key == STATE:
                 self._state = state
-
-    def _is_news(self, state: FeedState | None) -> bool:
-        return is_news(state, self._state)
 
     def _on_pre_connect(self, client: Client, data: Any) -> None:
         self._answer.cancel()

@@ -100,10 +100,6 @@ class KeyReleases:
         self._answers += 1
         return True
 
-    def count_release(self) -> None:
-        """Count a release."""
-        self.count += 1
-
     def _question(self, now_s: float) -> str:
         self._asked_s = now_s
         self._asked += 1

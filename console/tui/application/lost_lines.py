@@ -11,7 +11,7 @@ from console.tui.theme import Token
 from drivers.link.base import GONE
 
 if TYPE_CHECKING:
-    from console.session.station.link.lost_link import LostLink, Validity  # not for the first paint
+    from console.session.station.link.lost_link import LostLink  # not for the first paint
 
 NONE = "–"
 SILENCES = ("link.silent", "link.not_in_step")  # reasons of a stop for which nobody answered
@@ -22,7 +22,8 @@ def lost_step(text: Catalogue, state: StationState) -> str:
     """Return what to do about a lost link, or one that is back since; empty where neither is the case."""
     lost = state.lost_link
     if state.activity is Activity.LOST:
-        if lost is None and _is_asked_again(state):  # not yet known to be lost: the stop is under way
+        # Not yet known to be lost: the stop is under way, and is sent again until the machine answers.
+        if lost is None and state.stop is not None and not _is_gone(state):
             return text("lost_link.silent")
         if lost is None and (_is_gone(state) or state.controller):
             return text("frame.lost")
@@ -82,13 +83,9 @@ def lost_rows(text: Catalogue, state: StationState, width: int) -> list[Line]:
     rows = [BLANK, line((title, Token.TITLE))]
     for each in lost.validity:
         mark, token = ("✓ ", Token.TEXT) if each.holds else ("✗ ", Token.WARNING)
-        rows += hanging((mark, token), _describe_validity(text, each), width, token)
+        words = text(f"validity.{each.why}", stamp=text(f"stamp.{each.stamp}"), value=each.value)
+        rows += hanging((mark, token), words, width, token)
     return rows
-
-
-def _is_asked_again(state: StationState) -> bool:
-    """Whether a stop is sent again until the machine answers: on a link that is there, once it was connected."""
-    return state.stop is not None and not _is_gone(state)
 
 
 def _is_gone(state: StationState) -> bool:
@@ -105,10 +102,6 @@ def _describe_lost_link(text: Catalogue, lost: LostLink) -> str:
 
 def _name_stamps(text: Catalogue, lost: LostLink, *, holds: bool) -> str:
     return ", ".join(text(f"stamp.{each.stamp}") for each in lost.validity if each.holds is holds) or NONE
-
-
-def _describe_validity(text: Catalogue, each: Validity) -> str:
-    return text(f"validity.{each.why}", stamp=text(f"stamp.{each.stamp}"), value=each.value)
 
 
 def _age(lost: LostLink) -> str:

@@ -20,11 +20,6 @@ REMAPPABLE = tuple(action for action in ACTIONS if action not in (CLOSE, PALETTE
 _KEY = re.compile(r"[a-z]|f(?:[1-9]|1[0-2])")
 
 
-def key_typed(text: str) -> str:
-    """Return the name of a key as it is typed ("Q", "F10") in the form that is kept."""
-    return text.strip().lower()
-
-
 def why_not_key(action: Action, key: str, own: OwnKeys, text: Catalogue) -> tuple[Problem, ...]:
     """Return why an action cannot have this key, with the action that has it; empty where it can."""
     shown = written_key(key)

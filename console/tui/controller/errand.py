@@ -24,7 +24,7 @@ class Errand(Generic[Found]):
         self.found: Found | None = None
         self.problems: tuple[Problem, ...] = ()
         self.cancelled = False
-        self.ended = 0
+        self.ended = self._told = 0
         self._client: SideController | None = None
         self._thread: threading.Thread | None = None
         self._begun_s = 0.0
@@ -33,6 +33,14 @@ class Errand(Generic[Found]):
     def running(self) -> bool:
         """Whether it is under way."""
         return self._thread is not None and self._thread.is_alive()
+
+    @property
+    def has_news(self) -> bool:
+        """Whether work has ended since this was asked last."""
+        if self.running or self._told == self.ended:
+            return False
+        self._told = self.ended
+        return True
 
     @property
     def requests(self) -> int:

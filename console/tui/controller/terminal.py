@@ -61,7 +61,7 @@ class TerminalView:
         self.polls = False
         self._ui = ui
         self._errand: Errand[tuple[str, ...]] = Errand()
-        self._last, self._taken = "", 0
+        self._last = ""
         self._end: int | None = None
         self._spoken: tuple[TrafficLine, ...] = ()
         self._newest: tuple[int, bool] = (-1, False)
@@ -136,10 +136,7 @@ class TerminalView:
 
     def follow(self) -> None:
         """Take what a query has come to."""
-        if self._taken == self._errand.ended or self._errand.running:
-            return
-        self._taken = self._errand.ended
-        if self._errand.problems:
+        if self._errand.has_news and self._errand.problems:
             self._ui.key_answer = self._errand.problems
 
     def lines(self, width: int, height: int | None) -> list[Line]:

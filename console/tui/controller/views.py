@@ -213,7 +213,7 @@ class ControllerViews:
         self._action = ""
         self._asked_s, self._identified = float("-inf"), ""
         self._backups: tuple[Path, ...] = ()
-        self._chosen, self._all_bits, self._taken = 0, False, 0
+        self._chosen, self._all_bits = 0, False
         self._tops = dict.fromkeys(ViewName, 0)
 
     # What the keys do ------------------------------------------------------------------------------------------
@@ -352,9 +352,8 @@ class ControllerViews:
         self._reading.start(reader.client, works[word])
 
     def _take_reading(self) -> None:
-        if self._reading.running or self._taken == self._reading.ended:
+        if not self._reading.has_news:
             return
-        self._taken = self._reading.ended
         self._list_backups()
         if self._reading.cancelled:
             self.ui.say("screen.controller_cancelled")

@@ -79,7 +79,7 @@ class WatchTable:
         self._read = False
         self._unread: tuple[Problem, ...] = ()
         self._errand: Errand[tuple[tuple[str, str | None], ...]] = Errand()
-        self._asked_s, self._taken, self._next = float("-inf"), 0, 0
+        self._asked_s, self._next = float("-inf"), 0
 
     def load(self) -> None:
         """Read the file, once."""
@@ -118,8 +118,7 @@ class WatchTable:
         """Take what was answered, and ask again when it is time."""
         if self._errand.running:
             return
-        if self._errand.ended != self._taken:
-            self._taken = self._errand.ended
+        if self._errand.has_news:
             self._take(now_s)
         if self.rows and now_s - self._asked_s >= PERIOD_S:
             self._asked_s = now_s

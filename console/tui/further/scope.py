@@ -210,7 +210,6 @@ class ScopePage(Page):
         self._work: ScopeWork | None = None
         self._errand: Errand[ScopeRecord] = Errand()
         self._opening: Errand[ScopeRecord] = Errand()
-        self._taken = self._opened = 0
         self._record: ScopeRecord | None = None
         self._sight: ScopeView | None = None
         self._chosen: Channel | None = None
@@ -361,10 +360,9 @@ class ScopePage(Page):
         self._listing = False
 
     def _take(self) -> None:
-        for errand, name in ((self._errand, "_taken"), (self._opening, "_opened")):
-            if errand.running or errand.ended == getattr(self, name):
+        for errand in (self._errand, self._opening):
+            if not errand.has_news:
                 continue
-            setattr(self, name, errand.ended)
             if errand.problems:
                 self.ui.key_answer = errand.problems
             elif errand.cancelled:

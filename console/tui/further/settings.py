@@ -15,7 +15,7 @@ from console.session.appearance import CHOICES, Appearance, OwnKeys, own_keys_te
 from console.session.configuration import Setting, SettingOrigin, account_file
 from console.session.kept_settings import keep_settings
 from console.text.catalogue import LANGUAGES, Catalogue
-from console.tui.application.own_keys import REMAPPABLE, key_typed, why_not_key
+from console.tui.application.own_keys import REMAPPABLE, why_not_key
 from console.tui.entry import EntryLine
 from console.tui.gate import FieldKind
 from console.tui.key_help import words_of, written_key
@@ -373,7 +373,7 @@ class SettingsPage(Page):
         self._entry.begin(keys.get(self._chosen_action.id, ""))
 
     def _take_key(self) -> None:
-        key, keys = key_typed(self._entry.value), self.ui.appearance.keys
+        key, keys = self._entry.value.strip().lower(), self.ui.appearance.keys
         others = {name: each for name, each in keys.items() if name != self._chosen_action.id}
         if key and self.ui.answers(why_not_key(self._chosen_action, key, others, self.ui.text)):
             return

@@ -41,14 +41,9 @@ class TuneView(StrEnum):
     GAINS = "gains"
 
 
-def bode_pictures(facts: LoopFacts, selected: ResponseCurve | None) -> tuple[TracePicture, TracePicture]:
-    """Return gain in dB and phase in degrees over the frequency; what is far below the band is not shown."""
-    return _picture(facts, selected, "gain_db", "dB", _LEAST_DB), _picture(
-        facts, selected, "phase_deg", "°", _LEAST_DEG
-    )
-
-
 def _picture(facts: LoopFacts, selected: ResponseCurve | None, name: str, unit: str, least: float) -> TracePicture:
+    """Return gain or phase over the frequency; what is far below the band is not shown."""
+
     def values(curve: ResponseCurve) -> np.ndarray:
         found: np.ndarray = getattr(curve, name)
         return found
@@ -102,14 +97,9 @@ class LoopPanels(Horizontal):
         super().__init__(self.plots, self.texts, id="tune-loop")
 
     @property
-    def sheets(self) -> Sequence[Sheet]:
-        """The texts, whose sizes decide about their lines."""
-        return (self.facts, self.responses, self.legend)
-
-    @property
     def sizes(self) -> tuple[Size, ...]:
         """The sizes by which lines are broken."""
-        return tuple(sheet.size for sheet in self.sheets)
+        return self.facts.size, self.responses.size, self.legend.size
 
     def lay_out(self, view: TuneView, size: Size) -> None:
         """Show plots, texts, or both."""
@@ -145,7 +135,9 @@ class LoopPanels(Horizontal):
     def _draw(self, facts: LoopFacts, selected: int) -> None:
         text = self._text
         seen = facts.responses[selected] if selected < len(facts.responses) else None
-        gain, phase = bode_pictures(facts, None if seen is None else seen.curve)
+        curve = None if seen is None else seen.curve
+        gain = _picture(facts, curve, "gain_db", "dB", _LEAST_DB)
+        phase = _picture(facts, curve, "phase_deg", "°", _LEAST_DEG)
         for panel, picture, name in ((self.gain, gain, "gain"), (self.phase, phase, "phase")):
             panel.show(picture)
             entitle(panel, text(f"tune_page.{name}"))

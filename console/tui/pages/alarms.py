@@ -156,17 +156,14 @@ class AlarmsPage(Page):
         else:
             rows = alarm_lines(history, self._place, text, width, height)
             rate = rate_words(history, view.now_s, text)
-            hidden = self._hidden_words(len(history.list_entries), height)
+            count, first = len(history.list_entries), window(len(history.list_entries), self._place, height)
+            hidden = self._describe_hidden_rows(first, count - first - max(height - 1, 1))
             self._list.show(rows, title_words(history, text), f"{rate}  {hidden}".rstrip())
             whole = whole_lines(history, entry, text, max(self._whole.size.width, 1))
             lines = clip_lines(whole, self._whole.size.height, text("panel.more"))
             self._whole.show(lines, whole_title(entry, text), "")
         frequent = frequent_lines(history, text, self._frequent.size.width)
         self._frequent.show(frequent, text("alarms_page.frequent"), "")
-
-    def _hidden_words(self, count: int, height: int) -> str:
-        first = window(count, self._place, height)
-        return self._describe_hidden_rows(first, count - first - max(height - 1, 1))
 
     def _describe_hidden_rows(self, above: int, below: int) -> str:
         text = self.ui.text

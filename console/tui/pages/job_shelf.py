@@ -84,7 +84,9 @@ class JobIndex:
         if not paths:
             return
         known = {path: self._known[path] for path in paths if path in self._known}
-        found = self._pieces.answer((self._visit, tuple(paths)), lambda: read_piece(paths, known))
+        found = self._pieces.answer(
+            (self._visit, tuple(paths)), lambda: {path: _read(path, known.get(path)) for path in paths}
+        )
         if found is None:
             return
         if isinstance(found, dict):
@@ -119,11 +121,6 @@ class JobIndex:
 
     def _text(self, entry: LibraryEntry) -> str:
         return f"{entry.name.casefold()} {self.index_job(entry).words}"
-
-
-def read_piece(paths: Sequence[Path], known: dict[Path, IndexedJob]) -> dict[Path, IndexedJob]:
-    """Return what is in these files; what is `known` of one that has not changed stays."""
-    return {path: _read(path, known.get(path)) for path in paths}
 
 
 def _read(path: Path, known: IndexedJob | None) -> IndexedJob:

@@ -8,7 +8,7 @@ from pathlib import Path
 from console.session.cut.compensated_cut import chosen_problems, inverting, using, with_accepted, without_learned
 from console.session.data.identified_responses import ChosenResponse, kept_responses
 from console.session.data.learned_store import NEWEST, asked_for, choose_version, date_problems, versions
-from console.session.errors import SessionError
+from console.session.errors import SessionError, refuse
 from console.session.guide.measured_part import edited_problems, why_not_accepted, why_not_reverted
 from console.session.learning.calibrating import LOBE_TAKEN, PartLobe, accept_lobe, lobe_event
 from console.session.learning.part_learning import accept, record_accepted, record_kept, revert
@@ -65,11 +65,6 @@ def revert_version(ui: UiContext) -> None:
     assert work is not None
     older = revert(work.compensation, work.loaded, work.machine, ui.data, simulated=simulated)
     ui.work = using(work, older)
-
-
-def _refuse_edited(work: Work) -> None:
-    if reasons := edited_problems(work):
-        raise SessionError(*reasons)
 
 
 def step_compensation(ui: UiContext) -> None:
@@ -140,7 +135,7 @@ def why_no_compensation(work: Work, data: Path, *, simulated: bool, lathe: str =
 
 
 def _newest(work: Work, data: Path, *, simulated: bool, lathe: str) -> LearnedCompensation:
-    _refuse_edited(work)
+    refuse(edited_problems(work))
     asked = asked_for(work.loaded, work.machine, work.strategy, simulated=simulated, lathe=lathe)
     known = versions(data, asked)
     if not known:
