@@ -242,16 +242,16 @@ def machine_of(value: Any) -> MachineProfile:
 def _of_its_file(read: Callable[[Mapping[str, Any]], Any], value: dict[str, Any]) -> Any:
     """Read a job or a machine as its own file is read, with its limits."""
     try:
-        return read(_drop_missing_values(value))
+        return read(drop_missing_values(value))
     except ProblemError as error:
         raise ValueError(error.problems[0].facts) from error
 
 
-def _drop_missing_values(value: Any) -> Any:
+def drop_missing_values(value: Any) -> Any:
     """Return values without those that are None: a TOML table does not have them."""
     if isinstance(value, dict):
-        return {key: _drop_missing_values(each) for key, each in value.items() if each is not None}
-    return [_drop_missing_values(each) for each in value] if isinstance(value, list) else value
+        return {key: drop_missing_values(each) for key, each in value.items() if each is not None}
+    return [drop_missing_values(each) for each in value] if isinstance(value, list) else value
 
 
 _PLAIN: Mapping[Any, Any] = {

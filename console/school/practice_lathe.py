@@ -15,7 +15,7 @@ from console.cli.library import simulated_address
 from console.flight.cli.replay import path_named
 from console.flight.plain_values import to_json_value
 from console.flight.recorded_forms import RecordedWork
-from console.flight.recording import Recording, read_recording
+from console.flight.recording import Recording, drop_missing_values, read_recording
 from console.school.practice.as_lesson import lesson_of_practice, steps_of
 from console.school.practice.practice import Practice, practice_of
 from console.school.training.attempt import Attempt
@@ -24,7 +24,7 @@ from console.school.words.practice import lesson_words, practice_lines
 from console.session.cut.compensated_cut import with_accepted
 from console.session.data.kept_files import jobs_folder
 from console.session.errors import SessionError
-from console.session.station.session_start import SessionStart
+from console.session.station.state import SessionStart
 from console.session.work import Work, open_work
 from console.text.catalogue import LANGUAGES, Catalogue, load
 from console.text.columns import wrap_text
@@ -115,15 +115,8 @@ def _written_machine(values: dict[str, Any], folder: Path) -> Path:
 
     values["chuck"] = {**values["chuck"], **dict.fromkeys(OF_CALIBRATION)}
     path = folder / "lathe.toml"
-    path.write_text(tomlkit.dumps(_drop_missing_values(values)), encoding="utf-8")
+    path.write_text(tomlkit.dumps(drop_missing_values(values)), encoding="utf-8")
     return path
-
-
-def _drop_missing_values(value: Any) -> Any:
-    """Return values without those that are None: a TOML table does not have them."""
-    if isinstance(value, dict):
-        return {key: _drop_missing_values(each) for key, each in value.items() if each is not None}
-    return value
 
 
 def work_recorded(recorded: RecordedWork, machine: LoadedMachine, data: Path, folder: Path) -> tuple[Work, bool]:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from console.school.practice_lathe import TakenUp
     from console.school.training.lesson import Lesson
     from console.session.station.link_thread import LinkThread
-    from console.session.station.session_start import SessionStart
+    from console.session.station.state import SessionStart
     from console.session.work import Work
     from console.tui.app import ConsoleApp
     from drivers.simulator.hosts.control_address import ControlAddress
@@ -74,8 +74,6 @@ class Schooling:
 
     def keep(self, app: ConsoleApp) -> None:
         """Keep the try of a lesson that is left, so that it can be continued. Raises ProfileError."""
-        from console.school.training.unfinished_try import keep_left
-
         if isinstance(app.ui.attempt, Attempt):
             keep_left(app.ui.data, app.ui.attempt, app.ui.control.now_s())
 
@@ -103,8 +101,7 @@ def begin_attempt(options: Namespace, data: Path, text: Catalogue) -> Attempt:
     """
     import random
 
-    from console.school.training.lesson import load_lesson
-    from console.school.training.shelf import own_folder
+    from console.school.training.lesson import load_lesson, own_folder
     from console.school.training.tries import check_trainee
     from drivers.simulator.plant.presets import SEEDS
 

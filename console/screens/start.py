@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from console.session.feed.observed_state import ObservedState
     from console.session.feed.server import FeedServer
     from console.session.station.link.opening import OpenMachine
-    from console.session.station.session_start import SessionStart
+    from console.session.station.state import SessionStart
     from console.tui.ui_context import UiContext
 
 WRONG_USAGE = 2

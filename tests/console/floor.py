@@ -24,8 +24,7 @@ from console.session.station.context import StationContext
 from console.session.station.jogging import STEP_TOLERANCE_MM, longest_toward_mm
 from console.session.station.machine_control import MachineControl
 from console.session.station.progress import CutStage
-from console.session.station.session_start import SessionStart
-from console.session.station.state import StationState
+from console.session.station.state import SessionStart, StationState
 from console.session.station.station import Station
 from drivers.cutting.planning import Strategy
 from drivers.lathe.heartbeat import Heartbeat

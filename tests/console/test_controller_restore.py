@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from pytest import MonkeyPatch
 
-from console.cli.backups import reading_progress, way_back
+from console.cli.backups import way_back
 from console.text.catalogue import LANGUAGES, load
 from drivers.commissioning.reading import read_configuration
 from drivers.errors import LinkError
@@ -207,8 +207,8 @@ def test_how_far_a_reading_is_is_one_line(monkeypatch: MonkeyPatch, language: st
         return next(done, 0.95)
 
     monkeypatch.setattr("sys.__stderr__", terminal)
-    monkeypatch.setattr(reading_progress, "PERIOD_S", 0.001)
-    with reading_progress.show_reading_progress("configuration.reading", load(language), fraction):
+    monkeypatch.setattr(way_back, "PERIOD_S", 0.001)
+    with way_back.show_reading_progress("configuration.reading", load(language), fraction):
         assert seen.wait(5.0)
     said = terminal.getvalue()
     assert said.isascii() and "\\r" not in said
@@ -219,7 +219,7 @@ def test_how_far_a_reading_is_is_one_line(monkeypatch: MonkeyPatch, language: st
 def test_without_a_terminal_nothing_is_shown(monkeypatch: MonkeyPatch) -> None:
     quiet = io.StringIO()
     monkeypatch.setattr("sys.__stderr__", quiet)
-    with reading_progress.show_reading_progress("configuration.reading", load("en"), lambda: 0.5):
+    with way_back.show_reading_progress("configuration.reading", load("en"), lambda: 0.5):
         pass
     assert quiet.getvalue() == ""
 

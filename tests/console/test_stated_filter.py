@@ -16,9 +16,9 @@ from console.session.errors import SessionError
 from console.session.station.commands import Arm, CheckHealth, EnableDrives, Home, Verify
 from console.session.station.machine_connection import CommissioningGate
 from console.session.station.machine_control import MachineControl
+from console.session.tuning.air_proof import stated_filter_problems
 from console.session.tuning.known_loop import known_loop
 from console.session.tuning.notch_evidence import NO_FIRMWARE
-from console.session.tuning.stated_filter import stated_filter_problems
 from console.session.tuning.trial_checks import filter_checks
 from console.text.catalogue import load
 from drivers.cutting.strategy import Strategy

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from console.school.training.attempt import Attempt
-from console.school.training.lesson import FOLDER, MILESTONES, Lesson, lesson_of, load_lesson
-from console.school.training.shelf import lessons
+from console.school.training.lesson import FOLDER, MILESTONES, Lesson, lesson_of, lessons, load_lesson
 from console.session.station.commands import (
     Acknowledge,
     Approach,

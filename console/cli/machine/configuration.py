@@ -7,8 +7,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.cli.backups.reading_progress import reading_shown
-from console.cli.backups.way_back import kept_before, read_whole, sending, sent_then_read, undo_command
+from console.cli.backups.way_back import (
+    kept_before,
+    read_whole,
+    reading_shown,
+    sending,
+    sent_then_read,
+    undo_command,
+)
 from console.cli.library import data_of, refuse_unsigned
 from console.cli.machine.card_access import ConnectedController, card_fields, card_line, with_control
 from console.cli.machine.doctor_checks import signature_checks

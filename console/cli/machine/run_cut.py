@@ -49,7 +49,7 @@ from console.session.station.machine_connection import (
     machine_context,
     reach,
 )
-from console.session.tuning.stated_filter import stated_filter_problems
+from console.session.tuning.air_proof import stated_filter_problems
 from console.text.along_length import form_words, stretch_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table

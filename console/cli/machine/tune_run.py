@@ -10,10 +10,10 @@ from console.cli.library import data_of, refuse_unsigned
 from console.cli.machine.card_access import ConnectedController, card_fields, card_line, with_control
 from console.cli.output import show
 from console.session.errors import SessionError
+from console.session.tuning.air_proof import stated_filter_problems
 from console.session.tuning.known_loop import known_loop
 from console.session.tuning.proposal import LOBE_HZ, GainFacts, gain_facts, with_figures
 from console.session.tuning.standing_trial import StandingTrial, differing_words, format_gains
-from console.session.tuning.stated_filter import stated_filter_problems
 from console.session.tuning.trial import TrialPlace, air_doubts, apply_trial, revert_trial, standing_trial
 from console.text.catalogue import Catalogue
 from drivers.commissioning.checked_configuration import differing_settings

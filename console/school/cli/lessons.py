@@ -13,8 +13,7 @@ from console.text.columns import table
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
-    from console.school.training.lesson import Lesson
-    from console.school.training.shelf import Shelved
+    from console.school.training.lesson import Lesson, Shelved
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -24,8 +23,7 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """List every lesson by the name that --lesson takes, or show one."""
-    from console.school.training.lesson import load_lesson
-    from console.school.training.shelf import lessons, own_folder
+    from console.school.training.lesson import lessons, load_lesson, own_folder
 
     own = own_folder(data_of(options))
     if options.name is not None:

@@ -74,8 +74,7 @@ def _show_newest(options: Namespace, found: tuple[Try, ...], text: Catalogue) ->
 
 def _answers(one: Try, options: Namespace, text: Catalogue) -> tuple[str, ...]:
     """Return the answers to the question of the lesson, none where it is not there any more."""
-    from console.school.training.lesson import load_lesson
-    from console.school.training.shelf import own_folder
+    from console.school.training.lesson import load_lesson, own_folder
 
     try:
         return load_lesson(one.lesson, own_folder(data_of(options))).words[text.language].answers

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from console.school.training.attempt import Attempt
 from console.school.training.debrief import Debrief, debrief_of
 from console.school.training.happenings import HappeningKind
-from console.school.training.lesson import Lesson, Words
-from console.school.training.shelf import Shelved, lessons, own_folder
+from console.school.training.lesson import Lesson, Shelved, Words, lessons, own_folder
 from console.school.training.tries import keep_try, tries, try_of
 from console.school.training.unfinished_try import forget_left
 from console.school.words.debrief import clock, happening_words, mark_words

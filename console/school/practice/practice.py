@@ -11,7 +11,7 @@ from console.school.practice.practice_start import PracticeStart, RecordedEvent,
 from console.session.cut.alignment import Alignment, aligned_machine
 from console.session.data.measured_part import MODEL
 from console.session.station.jogging import tool_in_part
-from console.session.station.session_start import SessionStart
+from console.session.station.state import SessionStart
 from drivers.lathe_placement import LathePlacement
 from profiles.job import Job
 from profiles.machine import MachineProfile

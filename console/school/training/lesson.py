@@ -16,7 +16,7 @@ from enum import StrEnum
 from pathlib import Path
 from random import Random
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeAlias
 
 from console.school.training.event import LessonEvent, read_events
 from console.session.stages import Stage
@@ -335,3 +335,30 @@ def lesson_paths(own: Path) -> tuple[Path, ...]:
     bundled = {path.stem: path for path in sorted(FOLDER.glob("*.toml"))}
     mine = {path.stem: path for path in sorted(own.glob("*.toml"))}
     return tuple({**bundled, **mine}.values())
+
+
+Shelved: TypeAlias = tuple[str, Lesson | tuple[Problem, ...]]
+"""The name of a lesson with it, or with why it cannot be read."""
+
+
+def own_folder(data: Path) -> Path:
+    """Return where a user's own lessons are, in the data folder."""
+    return data / "lessons"
+
+
+def lessons(own: Path) -> tuple[Shelved, ...]:
+    """Return all lessons, in the order of their places; those that cannot be read at the end."""
+    found = [_load_lesson_file(path) for path in lesson_paths(own)]
+    return tuple(sorted(found, key=lambda each: (_place(each), each[0])))
+
+
+def _load_lesson_file(path: Path) -> Shelved:
+    try:
+        return path.stem, load_lesson(str(path), path.parent)
+    except ProfileError as error:
+        return path.stem, tuple(error.problems)
+
+
+def _place(shelved: Shelved) -> int:
+    lesson = shelved[1]
+    return lesson.place if isinstance(lesson, Lesson) else 10_000

@@ -25,8 +25,7 @@ from console.session.station.link.onlookers import Onlookers
 from console.session.station.link.reopening import ConnectionReopener
 from console.session.station.machine_connection import CommissioningGate
 from console.session.station.machine_control import MachineControl
-from console.session.station.session_start import SessionStart
-from console.session.station.state import ArmedCut, StationState
+from console.session.station.state import ArmedCut, SessionStart, StationState
 from drivers.clock import Clock, TrainingClock
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.console_role import ConsoleRole

@@ -10,8 +10,8 @@ from console.session.errors import SessionError
 from console.session.station import commands
 from console.session.station.alarms import Priority
 from console.session.station.context import StationContext
+from console.session.tuning.air_proof import stated_filter_problems
 from console.session.tuning.standing_trial import UNPROVEN, StandingTrial
-from console.session.tuning.stated_filter import stated_filter_problems
 from console.session.tuning.trial import TrialPlace, apply_trial, revert_trial, safe_trial
 from drivers.errors import LinkError
 from profiles.problem import Problem, ProblemError

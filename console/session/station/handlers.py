@@ -34,8 +34,7 @@ from console.session.station.readings import (
     take_jaw,
     take_touch_off,
 )
-from console.session.station.session_start import SessionStart
-from console.session.station.state import Activity
+from console.session.station.state import Activity, SessionStart
 from console.session.station.targets import GO_TO, distance_to, target_problems
 from drivers.errors import ControllerError
 from drivers.identification.health import HealthRequest, check_health

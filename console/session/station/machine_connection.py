@@ -113,7 +113,7 @@ class CommissioningGate:
 
         It may take up to a second, at rest.
         """
-        from console.session.tuning.stated_filter import stated_filter_problems
+        from console.session.tuning.air_proof import stated_filter_problems
 
         read = None if self.fingerprint is None else self.fingerprint.configuration
         firmware = ("", "") if read is None else (read.version, read.kind)

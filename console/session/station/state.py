@@ -373,3 +373,11 @@ class StationState:
     @property
     def _is_seen_moving(self) -> bool:
         return self.activity in POLLED and self.snapshot is not None and self.snapshot.moving
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionStart:
+    """The stamps of an `alignment` (clamping, jaw 1, touch-off) with which a session begins; its drives."""
+
+    alignment: Alignment
+    drives_on: bool

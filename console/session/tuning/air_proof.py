@@ -8,15 +8,28 @@ has to be the one that the model makes of it, and of no other reading of its coe
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from console.session.data.health import KeptHealth, kept_tests
-from console.session.tuning.notch_evidence import MOST_TESTS, NO_FIRMWARE, filter_doubts, same_firmware
+from console.session.data.identified_responses import FOLDER
+from console.session.data.kept_files import folder_name
+from console.session.tuning.bounds import FAST_SWEEP, SLOW_SWEEP, unmeasured_problem
+from console.session.tuning.known_loop import known_loop
+from console.session.tuning.notch_evidence import (
+    MOST_TESTS,
+    NO_FIRMWARE,
+    filter_doubts,
+    format_residual,
+    same_firmware,
+)
 from drivers.identification.health import HealthResult
-from drivers.identification.tool_gains import matches
-from profiles.axis.sampled_loop import SampledLoop
+from drivers.identification.tool_gains import matches, names_of
+from profiles.axis.sampled_loop import SampledLoop, loop_of
+from profiles.axis.servo_gains import notch_from_variables, present_settings
+from profiles.files import printable
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
@@ -77,3 +90,49 @@ def _swings(test: HealthResult) -> Iterator[Problem]:
     if test.sine.coherence < LEAST_COHERENCE:
         value = f"{test.sine.coherence:.3f}"
         yield Problem(code="trial.incoherent", value=value, limit=f">= {LEAST_COHERENCE:g}")
+
+
+_roundness_exit_code: dict[tuple[object, ...], tuple[Problem, ...]] = {}
+"""What was found of each test since the program started: after a new test or response the axis is fitted again."""
+
+
+def stated_filter_problems(
+    machine: MachineProfile, data: Path, firmware: tuple[str, str] = NO_FIRMWARE, *, simulated: bool
+) -> tuple[Problem, ...]:
+    """Return why nothing is cut with the notch filter of a profile; nothing where it has none, or it is proven.
+
+    It takes up to a second where a test or a response is new: call it at rest.
+    """
+    if not notch_from_variables(machine):
+        return ()
+    gains = present_settings(machine, names_of(machine.tool.motor))
+    try:
+        kept = newest_test(data, machine, gains, firmware, simulated=simulated)
+        if kept is None or kept.result is None:
+            return (Problem(code="trial.filter_untested", key=machine.name),)
+        responses = tuple(sorted(each.name for each in (data / FOLDER / folder_name(machine.name)).glob("*.json")))
+        question = repr(machine), str(kept.file), responses, firmware, simulated
+        if question not in _roundness_exit_code:
+            _roundness_exit_code[question] = _doubts(machine, data, firmware, kept.result, simulated=simulated)
+        return _roundness_exit_code[question]
+    except ProfileError as error:
+        return tuple(error.problems)
+
+
+def _doubts(
+    machine: MachineProfile, data: Path, firmware: tuple[str, str], test: HealthResult, *, simulated: bool
+) -> tuple[Problem, ...]:
+    known = known_loop(machine, data, firmware, simulated=simulated)
+    if known.unfiltered and known.fit is not None:
+        judged = doubts(test, known.loop, machine.tool.motor)
+        if known.fit.holds:
+            return judged
+        # By an axis that its responses do not show a test says nothing: only other responses help, or no filter.
+        folder = printable(str(data / FOLDER / folder_name(machine.name)))
+        return (replace(unmeasured_problem(known), code="trial.filter_misfit", key=folder),)
+    # An axis fitted to responses with the filter would explain a test with it however it is read.
+    loop = loop_of(machine)
+    if not doubts(test, loop, machine.tool.motor):
+        return ()
+    value = format_residual(test, loop)
+    return (Problem(code="trial.filter_axis", key=SLOW_SWEEP, value=value, limit=FAST_SWEEP),)

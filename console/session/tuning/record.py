@@ -156,7 +156,7 @@ def ended_by(machine: MachineProfile, trial: TrialRecord, found: Mapping[str, fl
 
     `adopted` is that the profile has the proposed ones: those have to be proven in air first. With others of the
     profile, as `controller apply` writes them, nothing of the trial is left; a filter among them is proven as any
-    of a profile (`console.session.tuning.stated_filter`).
+    of a profile (`console.session.tuning.air_proof`).
     """
     if matches(found, trial.before):
         return RESTORED

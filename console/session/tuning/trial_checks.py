@@ -80,7 +80,7 @@ def filter_checks(
     data: Path, machine: MachineProfile, firmware: tuple[str, str], *, simulated: bool
 ) -> list[Check]:
     """Return a warning where no test in air has proven the notch filter of the profile: no cut is armed then."""
-    from console.session.tuning.stated_filter import stated_filter_problems  # it computes
+    from console.session.tuning.air_proof import stated_filter_problems  # it computes
 
     found = stated_filter_problems(machine, data, firmware, simulated=simulated)
     if not found:

@@ -20,8 +20,7 @@ from console.session.errors import SessionError
 from console.session.station.commands import Home, Measure, Start
 from console.session.station.handlers import begin_as
 from console.session.station.progress import CutStage
-from console.session.station.session_start import SessionStart
-from console.session.station.state import Activity
+from console.session.station.state import Activity, SessionStart
 from console.session.work import Work, open_work
 from console.text.catalogue import LANGUAGES, load
 from drivers.cutting.planning import Strategy

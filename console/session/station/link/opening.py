@@ -12,7 +12,7 @@ from console.session.data.records import killed_or_refused
 from console.session.station.alarms import Priority
 from console.session.station.context import StationContext, Training
 from console.session.station.machine_connection import ConnectedMachine, commissioning, reach
-from console.session.station.session_start import SessionStart
+from console.session.station.state import SessionStart
 from console.session.station.station import Station
 from drivers.clock import FreezeWatch, RealClock, TrainingClock
 from drivers.lathe.snapshot import Snapshot
