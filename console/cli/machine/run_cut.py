@@ -50,18 +50,10 @@ from console.session.station.machine_connection import (
     reach,
 )
 from console.session.tuning.air_proof import stated_filter_problems
+from console.text import part_sentences
 from console.text.along_length import form_words, stretch_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from console.text.part_sentences import (
-    certificate_fields,
-    certificate_lines,
-    clamped_fields,
-    fingerprint_line,
-    force_words,
-    judged_fields,
-    verdict_words,
-)
 from console.text.recorded_words import plain_cut_words
 from drivers.clock import boot_s
 from drivers.lathe.snapshot import Snapshot
@@ -117,7 +109,7 @@ def result_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "improvement_percent": result.improvement_percent,
         **fields_of(plan.job, *TOLERANCES),
         "within_tolerance": None,
-        **judged_fields(result.judged),
+        **part_sentences.judged_fields(result.judged),
         **fields_of(figures, "tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um"),
         **tool_event(figures.tool_lobe_um, figures.push_um),
         **figures.event(),
@@ -150,10 +142,12 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
             ),
             "part_gain": part.part_gain,
             "learned_waves": list(part.learned),
-            "certificate": certificate_fields(part.certificate),
+            "certificate": part_sentences.certificate_fields(part.certificate),
             "trim_short": [{"n": n, "short_um": um} for n, um in sorted(part.trim_short.items())],
             "lobe_left": None if part.left is None else asdict(part.left),
-            "fingerprint": None if part.clamped is None else clamped_fields(part.clamped, path.target.lobes),
+            "fingerprint": None
+            if part.clamped is None
+            else part_sentences.clamped_fields(part.clamped, path.target.lobes),
             "frozen": [{"n": each.order, **fields_of(each, "best_um", "grown_um")} for each in part.grown],
         },
     }
@@ -170,7 +164,7 @@ def result_lines(result: RunResult, text: Catalogue) -> list[str]:
         return [*_run_lines(result, text), text("run.simulated" if result.simulated else closing)]
     last = result.parts[-1]
     certificate = [
-        *certificate_lines(last.certificate, text),
+        *part_sentences.certificate_lines(last.certificate, text),
         *_left_lobe(result, text),
         *_describe_blank_orders(result, text),
     ]
@@ -227,12 +221,12 @@ def _run_lines(result: RunResult, text: Catalogue) -> list[str]:
         facts.append((text("run.expected"), text("run.expected_lobe", right=right, wrong=wrong)))
     if result.whole is not None:
         facts.insert(0, (text("run.whole"), form_words(result.whole.event(), text)))
-    facts.append((text("run.cut_verdict"), verdict_words(figures.verdict.event(), text)))
+    facts.append((text("run.cut_verdict"), part_sentences.verdict_words(figures.verdict.event(), text)))
     facts += judged_rows(result.judged, text)
     facts += [(text("run.collision"), text.problem(problem)) for problem in collision_problems(result.collisions)]
     sim = f"{text('sim')}  " if result.simulated else ""
     head = f"{sim}{plan.job.name} · {plan.machine.name} · {plan.cut.strategy}"
-    force = [] if result.force is None else ["", force_words(result.force, text)]
+    force = [] if result.force is None else ["", part_sentences.force_words(result.force, text)]
     whole, failed = result.whole, result.within_tolerance is False
     causes = cause_rows(whole, result.judged, text) if whole is not None and (failed or whole.is_uneven) else []
     return ["", head, "", *_parts(result, text), *table(facts), *causes, *force]
@@ -387,7 +381,7 @@ def tell_cut_with(options: Namespace, request: RunRequest, text: Catalogue) -> N
     if request.lathe_parts is not None and request.lathe_parts.parts:
         lines.append(lathe_line(request.lathe_parts, text))
     if request.fingerprint is not None:
-        lines.append(fingerprint_line(request.fingerprint, text))
+        lines.append(part_sentences.fingerprint_line(request.fingerprint, text))
     # In one piece: a reader that closes after the first line is noticed at the first step, which stops the cut.
     print("".join(f"{text('sim')}  {line}\n" if request.simulated else f"{line}\n" for line in lines), end="")
 

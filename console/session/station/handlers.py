@@ -18,22 +18,13 @@ from console.session.cut.retracting import refuse_unless_still
 from console.session.data import health, identified_responses
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError, refuse, require
-from console.session.station import commands, jogging
+from console.session.station import commands, jogging, readings
 from console.session.station.alarms import NOBODYS, OUSTED, recover_alarms
 from console.session.station.context import StationContext
 from console.session.station.cutting import arm, clear_left_tables, disarm, retract, start
 from console.session.station.durations import approach_s, home_s, jog_s
 from console.session.station.gain_trial import apply_gains, revert_gains, trial_problems, verify_controller
 from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
-from console.session.station.readings import (
-    forget,
-    indicate,
-    note_skim,
-    take_fingerprint,
-    take_flank,
-    take_jaw,
-    take_touch_off,
-)
 from console.session.station.state import Activity, SessionStart
 from console.session.station.targets import GO_TO, distance_to, target_problems
 from drivers.errors import ControllerError
@@ -303,13 +294,13 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.Approach: (Activity.APPROACHING, approach),
     commands.Jog: (Activity.JOGGING, jog),
     commands.GoTo: (Activity.JOGGING, go_to),
-    commands.TakeFlank: (Activity.READY, take_flank),
-    commands.TakeJaw: (Activity.READY, take_jaw),
-    commands.NoteSkim: (Activity.READY, note_skim),
-    commands.TakeTouchOff: (Activity.READY, take_touch_off),
-    commands.Forget: (Activity.READY, forget),
-    commands.Indicate: (Activity.READY, indicate),
-    commands.TakeFingerprint: (Activity.READY, take_fingerprint),
+    commands.TakeFlank: (Activity.READY, readings.take_flank),
+    commands.TakeJaw: (Activity.READY, readings.take_jaw),
+    commands.NoteSkim: (Activity.READY, readings.note_skim),
+    commands.TakeTouchOff: (Activity.READY, readings.take_touch_off),
+    commands.Forget: (Activity.READY, readings.forget),
+    commands.Indicate: (Activity.READY, readings.indicate),
+    commands.TakeFingerprint: (Activity.READY, readings.take_fingerprint),
     commands.ReadLoop: (Activity.VERIFYING, read_loop),
     commands.ApplyGains: (Activity.WRITING, apply_gains),
     commands.RevertGains: (Activity.WRITING, revert_gains),

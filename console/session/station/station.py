@@ -17,24 +17,9 @@ from console.session.cut.alignment import observe_poll
 from console.session.cut.trip_cause import BY_FRICTION, with_cause
 from console.session.data.records import LEFT_IN_PART
 from console.session.errors import SessionError, fault_problem
+from console.session.station import commands, watches
 from console.session.station.adjustment import adjust_refusal, hold_refusal
 from console.session.station.alarms import OF_A_CUT, Priority, acknowledge_shown_alarms
-from console.session.station.commands import (
-    Acknowledge,
-    Adjust,
-    Arm,
-    Command,
-    EndCut,
-    HoldFeed,
-    InjectFault,
-    NoteJog,
-    ReadLoop,
-    Recover,
-    ResumeFeed,
-    Start,
-    TakeControl,
-    Verify,
-)
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS, begin_as
 from console.session.station.link.holding import HolderWatch
@@ -44,18 +29,6 @@ from console.session.station.progress import SpindleWatch
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import MachineStops, leaves_tool_in_part
 from console.session.station.training import Instruct, carry_out
-from console.session.station.watches import (
-    ChuckSight,
-    LinkTime,
-    PollPause,
-    age_problem,
-    give_faults,
-    watch_armed,
-    watch_axes,
-    watch_loss,
-    watch_phase,
-    watch_poll,
-)
 from drivers.clock import boot_s
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.lathe.guards import unasked_motion
@@ -66,54 +39,54 @@ from drivers.requests.side_line import RequestConditions, SideLine
 from profiles.problem import Problem, ProblemError
 
 SCREEN_TIMEOUT_S = 2.0  # timeout of a silent screen while something moves
-OBSERVERS_COMMANDS = (Verify, Recover, TakeControl, ReadLoop)
+OBSERVERS_COMMANDS = (commands.Verify, commands.Recover, commands.TakeControl, commands.ReadLoop)
 """Commands open to a console that only observes; a stop needs no permission."""
 
 
-def _acknowledge(context: StationContext, command: Acknowledge) -> None:
+def _acknowledge(context: StationContext, command: commands.Acknowledge) -> None:
     context.change_alarms(partial(acknowledge_shown_alarms, shown=command.shown))
 
 
-def _end_cut(context: StationContext, _: EndCut) -> Problem | None:
+def _end_cut(context: StationContext, _: commands.EndCut) -> Problem | None:
     cutting = context.state.activity is Activity.CUTTING
     context.end_asked = context.end_asked or cutting
     return None if cutting else Problem(code="session.nothing_to_hold")
 
 
-def _hold(context: StationContext, command: HoldFeed | ResumeFeed) -> Problem | None:
+def _hold(context: StationContext, command: commands.HoldFeed | commands.ResumeFeed) -> Problem | None:
     problem = hold_refusal(command, context.state)
     context.hold_asked = command if problem is None else context.hold_asked
     return problem
 
 
-def _adjust(context: StationContext, command: Adjust) -> Problem | None:
+def _adjust(context: StationContext, command: commands.Adjust) -> Problem | None:
     problem = adjust_refusal(command, context.state)
     if problem is None:
         context.adjust_asked.append(command)
     return problem
 
 
-def _inject(context: StationContext, command: InjectFault) -> Problem | None:
+def _inject(context: StationContext, command: commands.InjectFault) -> Problem | None:
     if context.shop is None:
         return Problem(code="session.not_simulated")
     context.faults_asked.append(command.line)
     return None
 
 
-_AT_ONCE: dict[type[Command], Callable[[StationContext, Any], Problem | None]] = {
-    Acknowledge: _acknowledge,
-    EndCut: _end_cut,
-    HoldFeed: _hold,
-    ResumeFeed: _hold,
-    Adjust: _adjust,
-    InjectFault: _inject,
-    NoteJog: lambda context, command: context.tell(jog_enabled=command.enabled),
+_AT_ONCE: dict[type[commands.Command], Callable[[StationContext, Any], Problem | None]] = {
+    commands.Acknowledge: _acknowledge,
+    commands.EndCut: _end_cut,
+    commands.HoldFeed: _hold,
+    commands.ResumeFeed: _hold,
+    commands.Adjust: _adjust,
+    commands.InjectFault: _inject,
+    commands.NoteJog: lambda context, command: context.tell(jog_enabled=command.enabled),
     Instruct: lambda context, command: context.orders.append(command.carry_out),
 }
 """Commands that do not wait their turn: taken from any thread, whatever the machine is doing."""
 
 
-def _taken_at_once(context: StationContext, command: Command) -> tuple[Problem, ...] | None:
+def _taken_at_once(context: StationContext, command: commands.Command) -> tuple[Problem, ...] | None:
     """Take what does not wait its turn: return why not, empty if it was taken; None for all else."""
     take = next((take for kind, take in _AT_ONCE.items() if isinstance(command, kind)), None)
     if take is not None:
@@ -122,7 +95,7 @@ def _taken_at_once(context: StationContext, command: Command) -> tuple[Problem, 
         problem = take(context, command)
     elif context.state.speed != 0.0:
         return None
-    elif isinstance(command, Recover) and context.training is not None:
+    elif isinstance(command, commands.Recover) and context.training is not None:
         context.training.clock.ask_on()  # its instructor may be gone
         problem = None
     else:
@@ -135,16 +108,16 @@ class Station:
 
     def __init__(self, context: StationContext) -> None:
         self._context = context
-        self._command: Command | None = None
+        self._command: commands.Command | None = None
         self._posted_s = 0.0
         self._beat_s: float | None = None
         self._slot = threading.Lock()
-        self._link_time = LinkTime()
+        self._link_time = watches.LinkTime()
         self._spindle = SpindleWatch(context.loaded_machine.machine.spindle.counts_per_rev)
-        self._stops, self._sight = MachineStops(context, self._spindle.forget), ChuckSight(context)
+        self._stops, self._sight = MachineStops(context, self._spindle.forget), watches.ChuckSight(context)
         self._holder, self._left = HolderWatch(context), LeftRuns(context)
         self._reconnecting = Reconnection(context, self._stops)
-        self._pause = PollPause(context)
+        self._pause = watches.PollPause(context)
         context.pause_problem = self._pause.problem
 
     @property
@@ -170,16 +143,16 @@ class Station:
             round_trip_ms=self._link_time.see(context.clock.now_s(), context.lathe.round_trip_s),
         )
         context.tell_standing()
-        watch_poll(context, before, snapshot)
-        watch_armed(context, snapshot)
+        watches.watch_poll(context, before, snapshot)
+        watches.watch_armed(context, snapshot)
         self._stops.watch(snapshot)
         if context.seen is not None:
             context.seen(snapshot)
-            watch_phase(context)
+            watches.watch_phase(context)
         else:
             context.end_alarms(*OF_A_CUT)
         if not self._stops.leaving:  # whoever leaves looks at the chuck no more, and an answer may take its time
-            give_faults(context)
+            watches.give_faults(context)
             carry_out(context)
             self._sight.sample()
         context.check_record()
@@ -240,14 +213,14 @@ class Station:
                 context.alarm(problem, Priority.MEDIUM)
         context.tell_standing()
         self._left.ask()
-        self._carry_out(Verify())
+        self._carry_out(commands.Verify())
         begins = context.begins
         if begins is not None:
             context.tell(activity=Activity.SWITCHING)
             self._guard_operation(lambda: begin_as(context, begins))
         return True
 
-    def post(self, intent: Command) -> bool:
+    def post(self, intent: commands.Command) -> bool:
         """Take a command, from any thread; False if it is refused because the machine is busy."""
         context = self._context
         refused = _taken_at_once(context, intent)
@@ -262,9 +235,9 @@ class Station:
                 return self._refuse(Problem(code="owner.observer", value=str(holder)) if holder else free)
             if context.state.activity not in IDLE or self._command is not None:
                 return self._refuse(Problem(code="session.busy"))
-            if context.state.stop is not None and not isinstance(intent, Recover):
+            if context.state.stop is not None and not isinstance(intent, commands.Recover):
                 return self._refuse(Problem(code="session.stopped"))
-            if context.side is not None and context.side.reading and not isinstance(intent, Recover):
+            if context.side is not None and context.side.reading and not isinstance(intent, commands.Recover):
                 return self._refuse(Problem(code="beside.reading"))
             self._command, self._posted_s = intent, boot_s()
             return True
@@ -289,22 +262,22 @@ class Station:
                 self._context.lathe.stop.stop("fault")
             self._context.alarm(fault_problem(fault))
 
-    def _step(self, command: Command | None) -> None:
+    def _step(self, command: commands.Command | None) -> None:
         context = self._context
-        give_faults(context)
+        watches.give_faults(context)
         carry_out(context)
         if self._stops.gone:
             if context.side is not None:  # nobody polls any more, and somebody may wait for an answer
                 context.side.serve(RequestConditions(at_rest=False, controls=False, lost=True))
             self._reconnecting.step()
             return
-        if context.lathe.stop.reason is not None and not isinstance(command, Recover):
+        if context.lathe.stop.reason is not None and not isinstance(command, commands.Recover):
             self._stops.settle()
             self._reconnecting.note_rest()
             self._pause.end()
         else:
             self._stops.commanded, freezes = command is not None, context.lathe.stop.freezes
-            if command is not None and (old := age_problem(command, self._posted_s)) is not None:
+            if command is not None and (old := watches.age_problem(command, self._posted_s)) is not None:
                 command = None
                 self._refuse(old)
             if command is not None:
@@ -340,14 +313,14 @@ class Station:
             context.note_anyway(LEFT_IN_PART)
         context.end_record(marked=marked)
 
-    def _carry_out(self, command: Command) -> None:
+    def _carry_out(self, command: commands.Command) -> None:
         activity, work = HANDLERS[type(command)]
         context = self._context
         context.end_asked, context.hold_asked = False, None
         context.adjust_asked.clear()
-        if not isinstance(command, Arm):  # that one begins a record of its own
+        if not isinstance(command, commands.Arm):  # that one begins a record of its own
             context.log_command(command)
-        if not isinstance(command, Start):
+        if not isinstance(command, commands.Start):
             context.tell(armed=None)  # what was read in the summary may have changed
         shown = activity if context.state.stop is None else context.state.activity
         context.tell(refusals=(), ends_s=None, ends_at_most=False, activity=shown)
@@ -355,7 +328,7 @@ class Station:
         def worked() -> None:
             work(context, command)
             self._sight.sample_now()
-            if isinstance(command, TakeControl):
+            if isinstance(command, commands.TakeControl):
                 self._left.ask()
 
         self._guard_operation(worked)
@@ -364,7 +337,7 @@ class Station:
         context = self._context
         snapshot = context.lathe.snapshot()
         self._pause.see()
-        watch_loss(context, snapshot)
+        watches.watch_loss(context, snapshot)
         on = not snapshot.loops_open
         if self.state.controls and context.lathe.stop.inside_guard and on:
             # It was not us: somebody else, or a PLC of the controller. The stop is a control-K then.
@@ -380,7 +353,7 @@ class Station:
         if unasked is not None and self.state.controls and not snapshot.lost:
             raise DriverError(unasked)  # hands may be at a machine that is shown at rest
         context.end_alarms("link.silent")
-        watch_axes(context, snapshot)
+        watches.watch_axes(context, snapshot)
         self._holder.look()
         if self.state.controls and snapshot.at_rest and self.state.armed is None:
             self._left.look()

@@ -14,20 +14,7 @@ from console.session.guide.refusals import find_refusals
 from console.session.guide.rows import RUN, row_of
 from console.session.guide.situation import GuidePhase, Situation, phase_of
 from console.session.guide.start_checks import checks
-from console.session.station.commands import (
-    LEAST_ARMED_S,
-    MOST_ARMED_S,
-    Adjust,
-    Arm,
-    ClearTables,
-    Command,
-    Disarm,
-    EndCut,
-    HoldFeed,
-    ResumeFeed,
-    Retract,
-    Start,
-)
+from console.session.station import commands
 from console.session.station.jogging import clears_tables
 from console.session.station.state import Activity
 from console.session.work import Work, changed_since_opened
@@ -63,7 +50,7 @@ FIND_S = 5.0  # to look from the key to the summary, and back to the key
 def reading_s(rows: Sequence[Line]) -> float:
     """Return how long these rows take to read, s, between the bounds of an arming."""
     cells = sum(cell_len("".join(piece.split())) for row in rows for piece, _ in row)
-    return min(max(FIND_S + cells / CELLS_A_SECOND, LEAST_ARMED_S), MOST_ARMED_S)
+    return min(max(FIND_S + cells / CELLS_A_SECOND, commands.LEAST_ARMED_S), commands.MOST_ARMED_S)
 
 
 def why_lines(
@@ -206,20 +193,24 @@ class RunPage(Page):
         if command is not None and not self.ui.answers(self.why_not(action, self.ui.view)):
             self.ui.control.post(command)
 
-    def _command(self, action: str) -> Command | None:
+    def _command(self, action: str) -> commands.Command | None:
         """Return the command of a key, if it has one; F6 starts what is armed, or resumes what is held."""
         match action:
             case "run.start":
-                return ResumeFeed() if self.ui.control.state.paused else Start()
+                return commands.ResumeFeed() if self.ui.control.state.paused else commands.Start()
             case "run.feed_hold":
-                return HoldFeed()
+                return commands.HoldFeed()
             case "run.one_turn":
-                return ResumeFeed(one_turn=True)
+                return commands.ResumeFeed(one_turn=True)
             case "run.hold":
-                return EndCut()
+                return commands.EndCut()
             case "run.retract":
                 state = self.ui.control.state
-                return ClearTables() if clears_tables(state.snapshot, state.alignment) else Retract()
+                return (
+                    commands.ClearTables()
+                    if clears_tables(state.snapshot, state.alignment)
+                    else commands.Retract()
+                )
             case _:
                 return None
 
@@ -247,8 +238,8 @@ class RunPage(Page):
         machine = self.ui.machine.machine
         return Situation(state=view.state, work=view.work, machine=machine, now_s=view.now_s)
 
-    def _adjustment(self, action: str) -> Adjust:
-        return Adjust(what=self._adjusts, steps=_ADJUSTS.get(action, 0))
+    def _adjustment(self, action: str) -> commands.Adjust:
+        return commands.Adjust(what=self._adjusts, steps=_ADJUSTS.get(action, 0))
 
     def _choose(self) -> None:
         """Let + and - change the next one of what this cut allows."""
@@ -303,13 +294,13 @@ class RunPage(Page):
     def _arm(self) -> None:
         state, work = self.ui.control.state, self.ui.work
         if state.armed is not None:
-            self.ui.control.post(Disarm())
+            self.ui.control.post(commands.Disarm())
             return
         problems = self.why_not("run.arm", self.ui.view) or changed_since_opened(work)
         if not self.ui.answers(problems) and work is not None:
             # The record must not name a file as the source of a job that differs from it.
             sha256 = f"{work.loaded.sha256} edited" if work.edited else work.loaded.sha256
-            command = Arm(
+            command = commands.Arm(
                 job=work.job,
                 job_sha256=sha256,
                 strategy=Strategy(work.strategy),

@@ -15,6 +15,7 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import NOTHING, Line, Sheet, clip_lines, dim, hanging, line, name_in, wrap_line
 from console.tui.page import Page
+from console.tui.pages import setup_lines
 from console.tui.pages.fields import (
     FORM,
     LOCKED,
@@ -28,15 +29,6 @@ from console.tui.pages.fields import (
     suggested_name,
     why_not_changed,
     with_unit,
-)
-from console.tui.pages.setup_lines import (
-    FormState,
-    draft,
-    finding_lines,
-    form,
-    lobe_word,
-    missing_lines,
-    speed_lines,
 )
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, find_job_lock
@@ -148,11 +140,14 @@ class SetupPage(Page):
         refused = () if state.judged is None else state.judged.problems
         rows: list[Line] = []
         if work.missing:
-            return missing_lines(state, text, width)
+            return setup_lines.missing_lines(state, text, width)
         for problem in filter(None, (*refused, self._locked)):
             rows += hanging(("! ", Token.WARNING), text.problem(name_field(problem, text)), width)
-        found = check(draft(state), self._machine)
-        return [*rows, *finding_lines(found, text, width, told=self._warnings, stops=self._uncommissioned)]
+        found = check(setup_lines.draft(state), self._machine)
+        return [
+            *rows,
+            *setup_lines.finding_lines(found, text, width, told=self._warnings, stops=self._uncommissioned),
+        ]
 
     def leave(self) -> None:
         """End an open entry: accept a good value, drop another one and report it."""
@@ -308,8 +303,8 @@ class SetupPage(Page):
     def _field(self) -> FormField:
         return FORM[self._selected]
 
-    def _state(self, work: Work) -> FormState:
-        state = FormState(work=work, selected=self._selected, locked=self._locked)
+    def _state(self, work: Work) -> setup_lines.FormState:
+        state = setup_lines.FormState(work=work, selected=self._selected, locked=self._locked)
         value = self._entry.value
         if self._entering is OpenEntry.VALUE:
             return replace(state, typed=value, judged=judge(work, self._field, value, self.ui.text.units))
@@ -333,23 +328,23 @@ class SetupPage(Page):
             self._findings.show((), "")
             return
         state = self._state(work)
-        layout = form(state, text, *self._form.size)
+        layout = setup_lines.form(state, text, *self._form.size)
         title = text("setup.title", name=name_in(printable(work.job.name), self._form.size.width - 12))
         title = title if work.job.name else text("setup.new_title")
         self._form.show(layout.lines, title, text("setup.edited") if work.edited else "")
         self._place(layout.entry)
-        job = draft(state)
+        job = setup_lines.draft(state)
         if (state.judged.work if state.judged else work).missing:
             self._speed.show(wrap_line(text("setup.no_figures"), max(self._speed.size.width, 1), Token.DIM), "")
-            rows = missing_lines(state, text, max(self._findings.size.width, 1))
+            rows = setup_lines.missing_lines(state, text, max(self._findings.size.width, 1))
             self._findings.show(
                 clip_lines(rows, self._findings.size.height, text("panel.more")), text("setup.missing")
             )
             return
-        speed = speed_lines(job, self._machine, text, *self._speed.size)
+        speed = setup_lines.speed_lines(job, self._machine, text, *self._speed.size)
         self._speed.show(speed, text("setup.at_speed", speed=f"{job.spindle_speed_rpm:.1f}"))
         found, stops = check(job, self._machine), self._uncommissioned
-        findings = finding_lines(found, text, *self._findings.size, self._warnings, stops)
+        findings = setup_lines.finding_lines(found, text, *self._findings.size, self._warnings, stops)
         self._findings.show(findings, text("setup.findings" if job is work.job else "setup.findings_draft"))
 
     def _place(self, entry: tuple[int, int, int] | None) -> None:
@@ -380,7 +375,7 @@ class SetupPage(Page):
             return text("setup.next.save_new")
         if self._uncommissioned:
             return text("setup.next.uncommissioned")
-        if lobe := lobe_word(work, self._machine, simulated=self.ui.control.state.simulated):
+        if lobe := setup_lines.lobe_word(work, self._machine, simulated=self.ui.control.state.simulated):
             return text(f"setup.next.{lobe}")
         warned = self._warnings or any(finding.severity is Severity.WARNING for finding in findings)
         return text("setup.next.warned") if warned else text("setup.next.ready")
