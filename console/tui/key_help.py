@@ -75,6 +75,7 @@ TERMS = {
         PageName.SCOPE: "gathering scope_error servo_output cursor trigger level deviation",
     }.items()
 }
+"""Terms of each page, explained by the third list of `?`; the words are `term.<name>` and `glossary.<name>`."""
 
 
 def glossary_lines(text: Catalogue, page: PageName, width: int) -> list[Line]:

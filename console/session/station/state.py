@@ -377,7 +377,10 @@ class StationState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionStart:
-    """The stamps of an `alignment` (clamping, jaw 1, touch-off) with which a session begins; its drives."""
+    """The stamps of an `alignment` (clamping, jaw 1, touch-off) with which a session begins; its drives.
+
+    A simulated lathe is taken over in the middle of somebody's work: what was known there is known here.
+    """
 
     alignment: Alignment
     drives_on: bool

@@ -3,6 +3,10 @@
 The newest test with them counts. A tool may end beside its step, which friction does; it must not overshoot by
 much more than the model of these gains does, nor swing where it should stand. With a notch filter the test also
 has to be the one that the model makes of it, and of no other reading of its coefficients.
+
+Nothing is cut with the notch filter that a profile states before a health test in air has proven it. A manual says
+how a controller reads the signs of its coefficients; only a test on this controller shows it. How the filter has
+come into the profile, from a trial or by hand, makes no difference.
 """
 
 from __future__ import annotations

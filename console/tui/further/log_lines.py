@@ -1,4 +1,4 @@
-"""Text of the log of this session: the entries that fit a panel, counted from the newest one shown."""
+"""Text of the log of this session: the entries that fit a panel, found by their words, or written to a file."""
 
 from __future__ import annotations
 
