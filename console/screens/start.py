@@ -137,7 +137,8 @@ def main(options: Namespace, text: Catalogue) -> int:
         return WRONG_USAGE
     if schooling is None and (options.lesson is not None or options.instructor is not None):
         schooling = _school().schooling(options, data, text)
-    place: LinkAddress = _going_on(requested) or address
+    # The lathe that was asked for, with its next part: only that of a lesson starts over each time.
+    place: LinkAddress = address if requested is None else replace(requested, goes_on=True)
     begins = None
     if schooling is not None:
         place, begins = schooling.address or place, schooling.begins
@@ -216,11 +217,6 @@ def _keep(schooling: SchoolSession | None, app: ConsoleApp) -> None:
     except ProblemError as error:
         for problem in error.problems:
             _say(app.ui.text.problem(problem))
-
-
-def _going_on(requested: SimulatedAddress | None) -> SimulatedAddress | None:
-    """Return the lathe that was asked for, with its next part: only that of a lesson starts over each time."""
-    return None if requested is None else replace(requested, goes_on=True)
 
 
 def _appearance(configuration: Configuration, text: Catalogue) -> Appearance:

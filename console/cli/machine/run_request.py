@@ -108,8 +108,20 @@ def plan_request(options: Namespace) -> RunRequest:
     history = history_of(learned, known)
     fingerprint = _fingerprint(options, job.job, machine, path, inverted, history, true, simulated=simulated)
     path = path if fingerprint is None else fingerprint.path
-    made = "" if fingerprint is None else fingerprint.made
-    plan = _plan(options, job, machine, path, inverted, learned, made, simulated=simulated)
+    plan = plan_run(
+        job.job,
+        machine,
+        Strategy(options.strategy),
+        options.ts,
+        str(job.path),
+        watchdog=cut_condition(machine),
+        stage=Stage(options.stage),
+        path=path,
+        inverted="" if inverted is None else inverted.name,
+        compensation=None if learned is None else learned.version,
+        simulated=simulated,
+        fingerprint="" if fingerprint is None else fingerprint.made,
+    )
     _refuse_beside_learning(options, plan, measured=address is None)
     return RunRequest(
         job=job,
@@ -212,33 +224,6 @@ def _path(
     if learned is not None:
         raise SessionError(Problem(code="run.two_inverses", key="--compensation", value="--identified"))
     return nominal_path(job, machine, strategy, response), response
-
-
-def _plan(
-    options: Namespace,
-    job: LoadedJob,
-    machine: MachineProfile,
-    path: CutPath | None,
-    inverted: ServoResponse | None,
-    learned: LearnedCompensation | None,
-    fingerprint: str,
-    *,
-    simulated: bool,
-) -> RunPlan:
-    return plan_run(
-        job.job,
-        machine,
-        Strategy(options.strategy),
-        options.ts,
-        str(job.path),
-        watchdog=cut_condition(machine),
-        stage=Stage(options.stage),
-        path=path,
-        inverted="" if inverted is None else inverted.name,
-        compensation=None if learned is None else learned.version,
-        simulated=simulated,
-        fingerprint=fingerprint,
-    )
 
 
 def _fingerprint(

@@ -206,10 +206,6 @@ def _in_motion(recording: Recording, event_s: float) -> int | None:
     return None
 
 
-def _has(moment: RecordedMoment, steps: tuple[str, ...]) -> bool:
-    return all(SET_UP[step](moment.state.alignment) for step in steps)
-
-
 def _rests(moment: RecordedMoment, *, armed: bool) -> bool:
     """Whether the machine is at rest and ready, with no stop; where a cut is to be `armed`, not armed yet."""
     state = moment.state
@@ -255,7 +251,9 @@ def _locate_event(
     begins, last = between
     if last is None or during not in OF_A_CUT:
         made = (
-            place for place in range(begins, len(recording.moments)) if _has(recording.moments[place], missing)
+            place
+            for place in range(begins, len(recording.moments))
+            if all(SET_UP[step](recording.moments[place].state.alignment) for step in missing)
         )
         return None, max(event_s - recording.times_s[next(made, begins)], 0.0)
     found = [(place, recording.moments[place].state) for place in range(begins, last + 1)]

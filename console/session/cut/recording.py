@@ -126,13 +126,11 @@ class TelemetryRows:
             self._begun = self._begun or poll
             self._polls.append(poll)
             # A poll late: polls come in steps of their own, and no row may be further apart than the period.
-            if poll[0] - self._last_s >= PERIOD_S - self._step_s():
+            step_s = poll[0] - self._polls[-2][0] if len(self._polls) > 1 else 0.0
+            if poll[0] - self._last_s >= PERIOD_S - step_s:
                 self._last_s = poll[0]
                 rows.append(self._row(poll, self._begun))
         return np.array(rows, dtype=np.float64).reshape(-1, 7)
-
-    def _step_s(self) -> float:
-        return self._polls[-1][0] - self._polls[-2][0] if len(self._polls) > 1 else 0.0
 
     def _row(self, poll: Poll, begun: Poll) -> tuple[float, ...]:
         machine, plan = self._machine, self._plan

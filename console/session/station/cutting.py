@@ -239,7 +239,8 @@ def arm(context: StationContext, command: Arm) -> None:
     also = _check_learned_version(context, command), own.commissioned(own.lathe.snapshot())
     refuse_unplannable(job, context.machine, strategy, *also, jaw_found=True, simulated=own.simulated)
     plan, fingerprint = _plan_armed_cut(context, command, job)
-    context.tell(loading_until_s=context.clock.now_s() + _loading_s(context, plan))
+    loading_s = 2.0 * len(plan.program.lines) * context.lathe.round_trip_s  # twice a poll for each line
+    context.tell(loading_until_s=context.clock.now_s() + loading_s)
     try:
         load(own, plan, lambda *_: None, aligned=True)
     finally:
@@ -297,11 +298,6 @@ def _response(command: Arm, machine: MachineProfile) -> ServoResponse:
     if command.inverts is not None:
         return command.inverts.response
     return path_response(command.strategy, machine)
-
-
-def _loading_s(context: StationContext, plan: CutPlan) -> float:
-    """Return about how long a program takes to load and to read back, s: twice a poll for each line."""
-    return 2.0 * len(plan.program.lines) * context.lathe.round_trip_s
 
 
 def _check_learned_version(context: StationContext, command: Arm) -> tuple[Problem, ...]:

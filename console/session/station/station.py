@@ -43,10 +43,6 @@ OBSERVERS_COMMANDS = (commands.Verify, commands.Recover, commands.TakeControl, c
 """Commands open to a console that only observes; a stop needs no permission."""
 
 
-def _acknowledge(context: StationContext, command: commands.Acknowledge) -> None:
-    context.change_alarms(partial(acknowledge_shown_alarms, shown=command.shown))
-
-
 def _end_cut(context: StationContext, _: commands.EndCut) -> Problem | None:
     cutting = context.state.activity is Activity.CUTTING
     context.end_asked = context.end_asked or cutting
@@ -74,7 +70,9 @@ def _inject(context: StationContext, command: commands.InjectFault) -> Problem |
 
 
 _AT_ONCE: dict[type[commands.Command], Callable[[StationContext, Any], Problem | None]] = {
-    commands.Acknowledge: _acknowledge,
+    commands.Acknowledge: lambda context, command: context.change_alarms(
+        partial(acknowledge_shown_alarms, shown=command.shown)
+    ),
     commands.EndCut: _end_cut,
     commands.HoldFeed: _hold,
     commands.ResumeFeed: _hold,

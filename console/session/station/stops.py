@@ -87,7 +87,8 @@ class MachineStops:
             context.tell(stop=current, activity=Activity.LOST)
         else:
             self._report_rest(current, snapshot)
-            if idle is not None and _same_drives(idle, snapshot):
+            drives = snapshot.loops_open, snapshot.open_loops
+            if idle is not None and drives == (idle.loops_open, idle.open_loops):  # none was enabled or disabled
                 self._let_go(snapshot)
 
     def _wait_for_rest(self, *, at_rest: bool) -> Snapshot:
@@ -269,8 +270,3 @@ def _times(stop: StopState) -> dict[str, object]:
         "still_after_s": _time_after_stop_s(stop, stop.still_s),
         "proven_after_s": _time_after_stop_s(stop, stop.rest_s),
     }
-
-
-def _same_drives(before: Snapshot, after: Snapshot) -> bool:
-    """Whether no drive has been enabled or disabled since."""
-    return before.loops_open == after.loops_open and before.open_loops == after.open_loops

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -134,32 +135,23 @@ def ship_over(
             link.execute(_AGAIN, keys)
         sent.left = 1
         while sent.left:
-            _send_transaction(link, box, keys, sent, data, most_rows)
+            with _refuse_repeated_rows(data), commit_transaction(link):
+                _send_some(link, box, keys, sent, data, most_rows)
+            sent.transactions += 1
             told(sent)
     return sent
 
 
-def _send_transaction(
-    link: psycopg.Connection[Values],
-    box: Outbox,
-    keys: tuple[str, str],
-    sent: SentRows,
-    data: Path,
-    most_rows: int,
-) -> None:
-    """Send the next rows.
-
-    Raises SessionError `ship.diverged`: the shop has one of them already, which the progress does not know of.
-    """
+@contextmanager
+def _refuse_repeated_rows(data: Path) -> Iterator[None]:
+    """Raise SessionError `ship.diverged` if the shop has a row already which the progress does not know of."""
     from psycopg.errors import UniqueViolation
 
     try:
-        with commit_transaction(link):
-            _send_some(link, box, keys, sent, data, most_rows)
+        yield
     except UniqueViolation as error:
         where, value = printable(str(data / FILE_NAME)), printable(str(error.diag.table_name))
         raise SessionError(Problem(code="ship.diverged", where=where, value=value)) from None
-    sent.transactions += 1
 
 
 def _send_some(

@@ -6,7 +6,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from textual.events import Resize
 from textual.geometry import Size
 
 from console.session.data.calibrated_chuck import HOLD, large_step
@@ -121,10 +120,6 @@ class CalibratePage(Page):
     def fit(self) -> None:
         """Choose the layout for the room."""
         self._all.lay_out(self.size, plots=self._plots)
-
-    def on_resize(self, event: Resize) -> None:
-        """Adapt to the new size."""
-        self.fit()
 
     def show(self, view: View) -> None:
         """Read and fit beside the screen, and paint what has changed."""

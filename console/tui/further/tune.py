@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from textual.containers import Horizontal, Vertical
-from textual.events import Resize
 from textual.geometry import Size
 
 from console.session.data.health import KeptHealth, kept_tests
@@ -423,10 +422,6 @@ class TunePage(Page):
         self._loop.display = not (self._health.display or self._proposal.display)
         self._loop.lay_out(self._view, self.size)
         self._health.lay_out(self.size)
-
-    def on_resize(self, event: Resize) -> None:
-        """Adapt to the new size."""
-        self.fit()
 
     def show(self, view: View) -> None:
         """Read the loop when the page is shown, compute beside the screen, and paint what has changed."""
