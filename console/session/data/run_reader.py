@@ -161,21 +161,16 @@ def _point(found: Sequence[Any]) -> RecordedPart:
     )
 
 
-def run_of_trace(folder: Path, trace_sha256: str) -> str | None:
-    """Return the newest run whose part has the trace with this hash; None without one. SessionError: as `runs`."""
-    query = "SELECT run_id FROM measurements WHERE trace_sha256 = ? ORDER BY rowid DESC LIMIT 1"
-    with _reading(folder) as database:
-        found = None if database is None else database.execute(query, (trace_sha256,)).fetchone()
-    return None if found is None else str(found[0])
+def run_of_trace(folder: Path, trace_sha256: str, other_than: str | None = None) -> str | None:
+    """Return the newest run, `other_than` one, whose part has the trace with this hash; None without one.
 
-
-def other_run_of_trace(folder: Path, trace_sha256: str, run_id: str | None) -> str | None:
-    """Return the newest run other than `run_id` whose part has the trace with this hash; as `run_of_trace`."""
+    Raises SessionError: as `runs`.
+    """
     query = (
         "SELECT run_id FROM measurements WHERE trace_sha256 = ? AND run_id IS NOT ? ORDER BY rowid DESC LIMIT 1"
     )
     with _reading(folder) as database:
-        found = None if database is None else database.execute(query, (trace_sha256, run_id)).fetchone()
+        found = None if database is None else database.execute(query, (trace_sha256, other_than)).fetchone()
     return None if found is None else str(found[0])
 
 

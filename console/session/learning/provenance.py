@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 
 from console.session.data.measured_part import KEYS, MadeWith, parts_made
-from console.session.data.run_reader import cuts_of_run, other_run_of_trace
+from console.session.data.run_reader import cuts_of_run, run_of_trace
 from console.session.errors import SessionError
 from console.session.learning.evaluated_part import EvaluatedPart
 from profiles.files import printable
@@ -41,7 +41,7 @@ def taken_before(data: Path, sha256: str, run_id: str | None, made: MadeWith | N
     With `made` it may be of any part that was made so, or of which that is not known.
     Raises SessionError: the record cannot be read.
     """
-    other = other_run_of_trace(data, sha256, run_id)
+    other = run_of_trace(data, sha256, run_id)
     if other is None:
         return ()
     cuts = cuts_of_run(data, other)
