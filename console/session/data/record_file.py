@@ -198,12 +198,7 @@ def record_error(code: str, path: Path, error: object) -> SessionError:
 
 def _check(database: sqlite3.Connection, path: Path, *, checked: bool) -> None:
     refuse_other_schema(database, path)
-    if checked:
-        _refuse_damaged(database, path, CHECKED_TABLES)
-
-
-def _refuse_damaged(database: sqlite3.Connection, path: Path, tables: tuple[str, ...]) -> None:
-    for table in tables:
+    for table in CHECKED_TABLES if checked else ():
         (found,) = database.execute(f"PRAGMA quick_check({table})").fetchone()
         if found != "ok":
             raise record_error("record.damaged", path, " ".join(str(found).split()))
