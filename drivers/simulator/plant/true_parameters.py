@@ -109,7 +109,9 @@ class TrueParameters:
     force of the jaws, each with `jaw_mass_radius_kg_m` of mass times radius. It is high where its job says, or
     `lobe_past_jaw_deg` past the jaws. Jaw 1 presses by the fraction `jaw_1_harder` more than the mean of all jaws.
     Each clamping has its own force, with a standard deviation of the fraction `clamping_force_spread`. The lobe is
-    turned by `lobe_turned_deg` past where it would be, and has `overtone_factor` of the ring's second harmonic.
+    turned by `lobe_turned_deg` past where it would be, by `lobe_turned_deg_per_part` more with each part, and has
+    `overtone_factor` of the ring's second harmonic. From the part `jaws_refitted_from_part` on, counted from 1,
+    the harder jaw is where jaw 2 was.
 
     Blanks have an oval of `blank_oval_um_pp` on the radius and run out by `blank_run_out_um` (full indicator
     movement), at angles of their own. With `blank_pressed` 1 they were round before they were clamped, so that the
@@ -186,6 +188,7 @@ class TrueParameters:
     lobe_force_n: float | None = None
     lobe_past_jaw_deg: float | None = None
     lobe_turned_deg: float = 0.0
+    lobe_turned_deg_per_part: float = 0.0
     overtone_factor: float = 0.0
     blank_oval_um_pp: float = 0.0
     blank_run_out_um: float = 0.0
@@ -198,6 +201,7 @@ class TrueParameters:
     jaw_offset_deg: float = 0.0
     jaw_1_deg: float | None = None
     jaw_1_harder: float = 0.0
+    jaws_refitted_from_part: int | None = None
     clamping_force_spread: float = 0.0
     indicator_noise_um: float = 0.0
     indicator_backlash_um: float = 0.0
@@ -258,6 +262,8 @@ class TrueParameters:
                 self.blank_oval_um_pp,
                 self.blank_run_out_um,
                 self.drift_um,
+                self.lobe_turned_deg_per_part,
+                self.jaws_refitted_from_part,
                 self.encoder_noise_um,
                 self.indicator_noise_um,
                 self.finger_force_fraction and self.finger_force_spread,
@@ -279,33 +285,39 @@ class TrueParameters:
         """Return how much further in the tool is than its scale reads, at a place of its travel."""
         return self.scale_error_um / 1000.0 * math.sin(2000.0 * math.pi * tool_mm / self.scale_period_um)
 
-    def blank(self, job: Job, force_factor: float = 1.0, at_rpm: float | None = None) -> Blank:
+    def blank(
+        self, job: Job, force_factor: float = 1.0, at_rpm: float | None = None, part: int = 1
+    ) -> Blank:
         """Return the blank that is clamped for a job, with `force_factor` times the force that it specifies.
 
-        It springs back from the force that is left at the speed of the job, or `at_rpm`.
+        It springs back from the force that is left at the speed of the job, or `at_rpm`. `part` counts those that
+        were clamped on this lathe, from 1.
         """
         said_deg = job.jaw_1_deg + self.jaw_offset_deg
         rpm = job.spindle_speed_rpm if at_rpm is None else at_rpm
         lobe_um_pp = self._lobe_um_pp(job, force_factor * job.chucking_force_n, rpm)
         past_deg = job.lobe_past_jaw_deg if self.lobe_past_jaw_deg is None else self.lobe_past_jaw_deg
         jaws = Jaws(count=job.jaws, force_n=force_factor * job.chucking_force_n, first_harder=self.jaw_1_harder)
+        turned_deg = self.lobe_turned_deg + (part - 1) * self.lobe_turned_deg_per_part
+        refitted = self.jaws_refitted_from_part is not None and part >= self.jaws_refitted_from_part
         return Blank(
             radius_mm=job.radius_mm,
             lobe_um_pp=lobe_um_pp,
             jaws=job.jaws,
             jaw_1_deg=said_deg if self.jaw_1_deg is None else self.jaw_1_deg,
-            lobe_past_jaw_deg=(past_deg or 0.0) + self.lobe_turned_deg,
+            lobe_past_jaw_deg=(past_deg or 0.0) + turned_deg,
             overtone=self.overtone_factor * ring_overtone(job.jaws),
             shift_um=jaws.shift_um,
             oval_um=jaws.oval_fraction * 0.5 * lobe_um_pp,
+            harder_jaw_deg=360.0 / job.jaws if refitted else 0.0,
             pressed_in=self.blank_pressed * _before_cut(job) if self.blank_pressed else 0.0,
             along=self.lobe_along(job),
             middle_mm=self.jaw_face_mm - job.overhang_mm + 0.5 * job.cut_length_mm,
         )
 
-    def press_blank(self, job: Job, force_factor: float) -> Blank:
+    def press_blank(self, job: Job, force_factor: float, part: int = 1) -> Blank:
         """Return the blank as the jaws press it at rest, before anything was turned off its wall."""
-        blank, stiffer = self.blank(job, force_factor, at_rpm=0.0), _before_cut(job)
+        blank, stiffer = self.blank(job, force_factor, 0.0, part), _before_cut(job)
         return replace(blank, lobe_um_pp=stiffer * blank.lobe_um_pp, oval_um=stiffer * blank.oval_um)
 
     def finger_factor(self, random: Random) -> float:

@@ -85,7 +85,7 @@ class Blank:
 
     `lobe_um_pp` is the spring-back of the free part, high at the jaws or `lobe_past_jaw_deg` past them, and
     `jaw_1_deg` the spindle angle of jaw 1. Unequal jaws add `oval_um` twice a turn and `shift_um` once, both
-    amplitudes that are highest at jaw 1. Its second harmonic is the fraction `overtone` of the lobe. All of it is
+    amplitudes that are highest at the harder jaw, `harder_jaw_deg` past jaw 1. Its second harmonic is the fraction `overtone` of the lobe. All of it is
     that at the Z `middle_mm`, and elsewhere as `along` has it; None is one lobe along Z. `form` is the shape of
     the surface that was never cut.
 
@@ -100,6 +100,7 @@ class Blank:
     lobe_past_jaw_deg: float = 0.0
     shift_um: float = 0.0
     oval_um: float = 0.0
+    harder_jaw_deg: float = 0.0
     along: LobeAlong | None = None
     middle_mm: float = 0.0
     overtone: float = 0.0
@@ -134,13 +135,13 @@ class Blank:
         """Return how much further out the released surface is than the clamped one, at a Z of the machine."""
         past_jaw = np.radians(angle_deg - self.jaw_1_deg)
         lobes, phase = self.jaws, self.jaws * (past_jaw - math.radians(self.lobe_past_jaw_deg))
-        half_um = 0.5 * self.lobe_um_pp
+        half_um, past_harder = 0.5 * self.lobe_um_pp, past_jaw - math.radians(self.harder_jaw_deg)
         sprung = self._along(lobes, z_mm) * half_um * np.cos(phase)
         if self.overtone:
             sprung = sprung + self._along(2 * lobes, z_mm) * self.overtone * half_um * np.cos(2.0 * phase)
         if self.oval_um:
-            sprung = sprung + self._along(OVAL, z_mm) * self.oval_um * np.cos(2.0 * past_jaw)
-        return np.asarray(sprung + self.shift_um * np.cos(past_jaw), dtype=np.float64)
+            sprung = sprung + self._along(OVAL, z_mm) * self.oval_um * np.cos(2.0 * past_harder)
+        return np.asarray(sprung + self.shift_um * np.cos(past_harder), dtype=np.float64)
 
     def _along(self, harmonic: int, z_mm: float) -> float:
         return 1.0 if self.along is None else self.along.at(harmonic, z_mm)

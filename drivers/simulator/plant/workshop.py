@@ -286,9 +286,9 @@ class SimulatedWorkshop:
         middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm
         factor = true.force_factor(self._clampings)
         self._pressed = job, true.finger_factor(self._fingers), factor
-        blank = replace(true.blank(job, factor), form=true.form(self._blanks))
         self._path.drifted_mm = true.drifted_mm(self.parts)
         self.parts += 1
+        blank = replace(true.blank(job, factor, part=self.parts), form=true.form(self._blanks))
         self._past_middle_mm = tuple(fraction * job.cut_length_mm for fraction in SECTIONS)
         sections_mm = [middle_mm + past_mm for past_mm in self._past_middle_mm]
         stock = self._stock(blank, job)
@@ -393,7 +393,7 @@ class SimulatedWorkshop:
         if self._part is None or self._pressed is None:
             raise RuntimeError("no part is mounted")
         job, *factors = self._pressed
-        finger, full = (partial(self._clamped_um, self._true.press_blank(job, factor)) for factor in factors)
+        finger, full = (partial(self._clamped_um, self._true.press_blank(job, each, self.parts)) for each in factors)
         from_jaw_1 = None if places is None else FromJaw(places=places, jaw_1_deg=self._part.blank.jaw_1_deg)
         return self._indicator.readings(finger, full, job.jaws, job.chucking_force_n, from_jaw_1)
 
