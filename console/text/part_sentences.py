@@ -220,6 +220,8 @@ def _standing(each: CertifiedOrder, text: Catalogue) -> str:
         return text("certificate.standing.not_followed")
     if each.known_within_um is not None:
         return text("certificate.standing.unseen", within=text.units.figure(2.0 * each.known_within_um, "um", 1))
+    if each.change is not None and each.standing is OrderStatus.LEARNED:
+        return text(f"certificate.change.{'step' if each.change.step else 'drift'}")
     return text(f"certificate.standing.{each.standing}", limit=f"{PROMISED:g}")
 
 

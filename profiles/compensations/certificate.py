@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from profiles.compensations.change import OrderChange
 from profiles.compensations.optimal_gain import PROCESS_LOSS_SD
 from profiles.compensations.path import MOST_HARMONICS
 
@@ -56,7 +57,7 @@ class CertifiedOrder:
 
     `on_part_um` is on the part, `left_um` what the order teaches of that; None where no trace has shown it.
     `tool_off_um` is by how much the tool was off its path, None where that was not seen. `bound_gain_1` decides
-    whether an order is promised.
+    whether an order is promised. `change` is what the part has shown of a step or a drift.
     """
 
     order: int
@@ -70,6 +71,7 @@ class CertifiedOrder:
     tool_off_um: float | None = None
     axial: int = 0
     known_within_um: float | None = None
+    change: OrderChange | None = None
 
 
 def bound_contraction(gain: float, spread: float) -> float:

@@ -104,6 +104,12 @@ class PartReading:
     tool: PathHarmonic | None = None
     axial: tuple[AxialTerm, ...] = ()
 
+    def plain_um(self, order: int) -> complex | None:
+        """Return an order as the part would have had it without a path, None where that is not recorded."""
+        if order == self.lobe.lobes:
+            return self.lobe.coefficient + self.target.coefficient
+        return next((each.coefficient for each in self.plain if each.lobes == order), None)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedCompensation:

@@ -30,6 +30,7 @@ from profiles.compensations.axial_learning import (
     axial_steps,
 )
 from profiles.compensations.certificate import CertifiedOrder, ToolResponse
+from profiles.compensations.change import MARK_SD_DEG, ShownOrder, change_warnings, state_of
 from profiles.compensations.learned_compensation import (
     MODEL,
     ClampingReading,
@@ -46,6 +47,7 @@ from profiles.compensations.learning import (
     convergence,
     learned_part,
 )
+from profiles.compensations.optimal_gain import PROCESS_LOSS_SD
 from profiles.compensations.order_steps import STEP_UM, OrderRules, OrderSeen, OrderSteps, order_steps
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import (
@@ -271,16 +273,19 @@ def next_version(
     have grown before. `follows` is the tool at an order. `scatter_um` is the standard deviation of the
     lobe's amplitude from clamping to clamping. Raises `ProfileError` (`learned.gain`).
     """
-    parts = [_order_evidence(n, cut, part, job) for n in sorted((*orders, *beside)) if n in part.coefficients_um]
     if gain is not None and not 0.0 < gain <= 1.0:
         raise refusal_error("learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1")
     rules = _rules(cut, job, orders, asked, gain, follows, scatter_um)
+    every = [n for n in sorted((*orders, *beside)) if n in part.coefficients_um]
+    parts = [_order_evidence(n, cut, part, job, rules) for n in every]
     gains = order_steps(parts, rules).gains
     read, path_um = _read(cut, part, job.jaws, parts), cut.path.target.harmonics[0].coefficient
     plain = compare_uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.fraction, job)
     contractions = _of_lobe(cut, read, job, gains[job.jaws], scatter_um) | _of_others(cut, part, gains)
+    stepped = {each.order for each in parts if each.state.fresh}  # not by the path
+    contractions = {n: each for n, each in contractions.items() if n not in stepped}
     grown = _find_grown_harmonics(contractions, job.jaws)
-    rules = replace(rules, frozen=rules.frozen | grown.keys())
+    rules = replace(rules, frozen=(rules.frozen | grown.keys()) - stepped)
     steps = order_steps(parts, rules)
     changes = {**steps.changes_um, **_back(cut, grown)}
     axial = _along_z(along, cut, rules, steps, in_phase=in_phase, known_within=known_within)
@@ -298,7 +303,8 @@ def next_version(
     reasons = plain.reasons() or _reasons(
         contractions, job.jaws, learns=bool(changes or axial.changes_um), version=cut.version
     )
-    warnings = (*plain.warnings(), *grown.values())
+    changes_told = change_warnings(each.change for each in steps.certificate if each.change is not None)
+    warnings = (*plain.warnings(), *grown.values(), *changes_told)
     steps = replace(steps, certificate=(*steps.certificate, *axial.certificate))
     return _step(kept, part, cut, changes, steps, contractions, scatter_um, reasons, warnings)
 
@@ -385,20 +391,42 @@ def _step(
     )
 
 
-def _order_evidence(n: int, cut: AppliedPath, part: PartHarmonics, job: Job) -> OrderSeen:
+def _order_evidence(n: int, cut: AppliedPath, part: PartHarmonics, job: Job, rules: OrderRules) -> OrderSeen:
     """Return an order as this part and those before it show it."""
     path_um, spared_um = coefficient_of(cut.path.target, n), cut.spared_um.get(n, 0j)
     error_um = part.coefficients_um[n] - spared_um
     paths = [coefficient_of(target_path(job), n), *(coefficient_of(each.path.target, n) for each in cut.history)]
-    before = [h.coefficient for each in cut.history if each.part for h in each.part.plain if h.lobes == n]
+    lost = math.hypot(rules.follows(n).spread / SIGNIFICANT, PROCESS_LOSS_SD)
+    taught = [each.part for each in cut.history if each.part is not None]
+    parts = [(each.plain_um(n), each.fraction, each.lobe_sd_um) for each in taught]
+    shown: list[ShownOrder] = []
+    for (plain_um, fraction, sd_um), had_um in zip(
+        (*parts, (error_um + path_um, cut.fraction, part.sd_um[n])), paths[-len(parts) - 1 :], strict=True
+    ):
+        if plain_um is None:  # an older version has not recorded it
+            shown = []
+            continue
+        mark_um = n * math.radians(MARK_SD_DEG) * abs(plain_um - fraction * had_um)
+        shown.append(
+            ShownOrder(
+                shown_um=plain_um,
+                path_um=fraction * had_um,
+                sd_um=math.hypot(sd_um, REPEATS_SD_UM, mark_um),
+                clamped=rules.scatter,
+                lost=lost,
+            )
+        )
+    steps_um = [abs(after - first) for first, after in pairwise(paths)]
     return OrderSeen(
         order=n,
         error_um=error_um,
         sd_um=part.sd_um[n],
         path_um=path_um,
-        shown_um=(*before, error_um + path_um),
-        steps_um=[abs(after - first) for first, after in pairwise(paths)],
+        shown_um=[each.shown_um for each in shown],
+        steps_um=steps_um,
         on_part_um=part.coefficients_um[n],
+        began=len(parts) + 1 - len(shown),
+        state=state_of(shown, n, job.jaws),
     )
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from profiles.compensations.certificate import (
     CertifiedOrder,
@@ -23,6 +23,7 @@ from profiles.compensations.certificate import (
     ToolResponse,
     certify_order,
 )
+from profiles.compensations.change import UNCHANGED, OrderState, change_of
 from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT, coefficient_of
 from profiles.compensations.optimal_gain import (
     PRIOR_OTHERS_UM,
@@ -49,7 +50,7 @@ class OrderSeen:
 
     `on_part_um` is what is on the part, None where that is the error. `path_um` is the order of the whole target.
     `shown_um` is what a path has to remove by each part so far, this one last; `steps_um` are those of the path
-    before it.
+    before it. `state` is whether the parts have stepped or drift; the first `began` parts have not shown it.
     """
 
     order: int
@@ -59,6 +60,8 @@ class OrderSeen:
     shown_um: Sequence[complex] = ()
     steps_um: Sequence[float] = ()
     on_part_um: complex | None = None
+    state: OrderState = UNCHANGED
+    began: int = 0
 
     @property
     def evidence(self) -> OrderEvidence:
@@ -93,24 +96,27 @@ class OrderRules:
             clamped_um = self.scatter * self.lobe_um
         else:
             prior_um, clamped_um = PRIOR_OTHERS_UM, self.scatter * abs(seen.path_um + seen.error_um)
-        varies_um = 0.0 if seen.order in self.chucked else scatter_um(seen.shown_um)
+        varies_um = 0.0 if seen.order in self.chucked else scatter_um(seen.shown_um[seen.state.since :])
         scatter = Scatter(
-            prior_um=prior_um, part_um=math.hypot(seen.sd_um, clamped_um, varies_um), response=spread
+            prior_um=max(prior_um, abs(seen.state.stepped_um)),
+            part_um=math.hypot(seen.sd_um, clamped_um, varies_um),
+            response=spread,
         )
-        return optimal_gain(scatter, [step for step in seen.steps_um if step > STEP_UM], abs(seen.error_um))
+        steps_um = seen.steps_um[seen.began + seen.state.since if seen.state.since else 0 :]
+        return optimal_gain(scatter, [step for step in steps_um if step > STEP_UM], abs(seen.error_um))
 
     def standing_of(self, seen: OrderSeen) -> OrderStatus:
         """Return whether an order is learned, or why not."""
         if seen.order in self.frozen:
             return OrderStatus.GREW
-        if seen.order not in self.chucked:
-            if len(seen.shown_um) > 1 and not repeats(seen.shown_um) and abs(seen.path_um) > STEP_UM:
+        if seen.order not in self.chucked and not seen.state.is_settled(seen.shown_um):
+            again = len(seen.shown_um) > seen.state.since + 1
+            if again and abs(seen.path_um) > STEP_UM:
                 return OrderStatus.VARIES
             if abs(seen.error_um) > SIGNIFICANT * seen.sd_um:
-                if len(seen.shown_um) < 2:
-                    return OrderStatus.ONE_PART
-                return OrderStatus.LEARNED if repeats(seen.shown_um) else OrderStatus.VARIES
-        return OrderStatus.LEARNED if abs(seen.error_um) > SIGNIFICANT * seen.sd_um else OrderStatus.NOISE
+                return OrderStatus.VARIES if again else OrderStatus.ONE_PART
+        teaches = seen.state.is_drifting or abs(seen.error_um) > SIGNIFICANT * seen.sd_um
+        return OrderStatus.LEARNED if teaches else OrderStatus.NOISE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,10 +141,12 @@ def order_steps(parts: Sequence[OrderSeen], rules: OrderRules) -> OrderSteps:
         standing = rules.standing_of(seen)
         gains[seen.order] = gain = rules.gain_of(seen)
         if standing is OrderStatus.LEARNED:
-            changes[seen.order] = gain * seen.error_um
+            step_um = gain * seen.error_um / (1.0 - seen.state.lost)
+            changes[seen.order] = seen.state.follow(seen.path_um + step_um) - seen.path_um
         elif standing is OrderStatus.VARIES and abs(seen.path_um) > STEP_UM:  # it would be cut into the next part
             changes[seen.order] = -seen.path_um
-        certificate.append(certify_order(seen.order, gain, seen.evidence, rules.follows(seen.order), standing))
+        of_order = certify_order(seen.order, gain, seen.evidence, rules.follows(seen.order), standing)
+        certificate.append(replace(of_order, change=change_of(seen.state, seen.order, seen.began)))
     return OrderSteps(changes_um=changes, gains=gains, certificate=tuple(certificate))
 
 
@@ -162,10 +170,18 @@ class RepeatHistory:
         """Return by how much the command of an order was learned, in um."""
         return coefficient_of(path.command, order) - coefficient_of(self.begun.command, order)
 
-    def varying(self, lobes: int) -> frozenset[int]:
-        """Return the orders that do not repeat; multiples of the lobe are of the chuck, which holds each part."""
-        judged = {n: parts for n, parts in self.shown_um.items() if n % lobes and len(parts) >= ENOUGH_PARTS}
-        return frozenset(n for n, parts in judged.items() if scatter_um(parts) > LEAST_UM and not repeats(parts))
+    def varying(self, lobes: int, states: Mapping[int, OrderState] | None = None) -> frozenset[int]:
+        """Return the orders that do not repeat since they have stepped, if they do not drift, by these states.
+
+        Multiples of the lobe are of the chuck, which holds each part.
+        """
+        found = set[int]()
+        for n, parts in self.shown_um.items():
+            state = (states or {}).get(n, UNCHANGED)
+            since = parts[state.since :]
+            if n % lobes and len(since) >= ENOUGH_PARTS and scatter_um(since) > LEAST_UM:
+                found |= set() if state.is_drifting or repeats(since) else {n}
+        return frozenset(found)
 
     def withdrawn(self, path: CutPath, orders: Iterable[int]) -> CutPath:
         """Return a path with each of these orders as the first part had it."""

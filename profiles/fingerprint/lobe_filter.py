@@ -135,6 +135,12 @@ class LobeFilter:
         covariance[_LI, _LI] += 0.5 * repeats_um**2
         return replace(self, mean=mean, covariance=covariance)
 
+    def move(self, by_um: complex) -> LobeFilter:
+        """Return the filter for a mean lobe that has moved, so that its path is another one by so much."""
+        mean = self.mean.copy()
+        mean[_LR : _LI + 1] += (1.0 - mean[_A]) * _two(by_um)
+        return replace(self, mean=mean)
+
     def surprise(self, deflection: MeasuredCoefficient) -> Surprise:
         """Return how far a fingerprint is from what is known before it.
 

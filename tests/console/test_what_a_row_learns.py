@@ -108,19 +108,23 @@ class Row:
         plan = plan_run(RING, MACHINE, Strategy.CAM, watchdog=cut_condition(MACHINE))
         self.learner = learning._Learner(plan, None, lambda *_: None, LearnHow())  # type: ignore[arg-type]
         self.arrives = arrives or {}
+        self.first: CutPath | None = None
         self.shown: list[dict[int, CertifiedOrder]] = []
 
-    def part(self, disturbed_um: Mapping[int, complex]) -> None:
-        """Cut a part, and learn from it."""
+    def part(self, disturbed_um: Mapping[int, complex], chucked_um: Mapping[int, complex] | None = None) -> None:
+        """Cut a part, and learn from it; the chuck makes more of some orders than the first path removes."""
         learner: Any = self.learner
         orders = learner._orders
         learner._path, learner._cutting = learner._lobe.clamp(learner._path, None, learner._response)
         orders.begin(learner._path, learner._watch)
-        off = {}
+        off, on_part = {}, {}
+        self.first = self.first or learner._path
         for n in orders.fitted:
             moved = self.arrives.get(n, 1.0) * learner._response(n) * coefficient_of(learner._path.command, n)
             off[n] = coefficient_of(learner._path.target, n) - moved - disturbed_um.get(n, 0j)
-        seen = SimpleNamespace(mean_um=0.0, coefficients_um=off, sd_um=dict.fromkeys(off, 0.02))
+            learned_um = coefficient_of(learner._path.target, n) - coefficient_of(self.first.target, n)
+            on_part[n] = off[n] if chucked_um is None else off[n] + chucked_um.get(n, 0j) - learned_um
+        seen = SimpleNamespace(mean_um=0.0, coefficients_um=on_part, sd_um=dict.fromkeys(off, 0.02))
         learner._teaching = lambda _: seen
         _, found = learner._learn_from(0j, None, Deviation(coefficients_um=off, sd_um=0.02), 1.0)
         self.shown.append({each.order: each for each in found})
@@ -144,6 +148,30 @@ def test_what_comes_with_each_blank_is_left_as_it_comes_from_the_fourth_part_on(
     assert row.learner._watch.grown == ()
     assert max(row.heights_um(4)[1:]) < 0.1, "what repeats is learned"
     assert OrderStatus.VARIES not in row.standings(4)
+
+
+def test_jaws_in_another_order_are_told_and_learned_from_the_part_that_shows_them() -> None:
+    """An oval of 7 um lies a jaw further on from part 4 on; until then, and after it, the parts have none."""
+    row, further = Row(), cmath.exp(-2j * math.pi * 2 / 3)
+    for number in range(1, 7):
+        row.part({}, {2: 7.0 * (further if number >= 4 else 1.0)})
+    assert row.heights_um(2) == pytest.approx([7.0, 0.0, 0.0, 7.0 * math.sqrt(3.0), 0.0, 0.0], abs=0.2)
+    told = [part[2].change for part in row.shown]
+    assert [each is not None for each in told] == [False, False, False, True, False, False]
+    assert told[3] is not None and told[3].step and told[3].part == 4
+    assert set(row.standings(2)) == {OrderStatus.LEARNED}
+
+
+def test_a_lobe_that_turns_with_each_part_is_met_where_it_will_be() -> None:
+    """1 degree of spindle a part is 1.44 um of 27.5, which each part would keep."""
+    row = Row()
+    lobe_um = row.learner._path.target.harmonics[0].coefficient
+    for number in range(10):
+        row.part({}, {3: lobe_um * (cmath.exp(-3j * math.radians(number)) - 1.0)})
+    assert row.heights_um(3)[1:3] == pytest.approx([1.44, 1.44], abs=0.05)
+    assert max(row.heights_um(3)[3:]) < 0.25
+    change = row.shown[-1][3].change
+    assert change is not None and not change.step and change.turn_deg == pytest.approx(1.0, abs=0.1)
 
 
 def test_what_varied_is_learned_again_once_it_repeats() -> None:
@@ -266,7 +294,9 @@ def test_with_six_jaws_the_second_is_rounder(console: Console, close: tuple[str,
 
 
 def part(ront_um: float) -> LearnedPart:
-    return SimpleNamespace(roundness=SimpleNamespace(ront_um=ront_um), grown=(), trim_short={}, clamped=None)  # type: ignore[return-value]
+    return SimpleNamespace(
+        roundness=SimpleNamespace(ront_um=ront_um), grown=(), trim_short={}, clamped=None, changes=()
+    )  # type: ignore[return-value]
 
 
 def row(parts: tuple[LearnedPart, ...]) -> LearnResult:

@@ -406,3 +406,16 @@ def test_the_scale_has_another_noise_on_each_part() -> None:
         return [float(scale.read(0.0)) for _ in range(5)]
 
     assert noise(0) == noise(0) != noise(1) != noise(2)
+
+
+def test_a_chuck_changes_with_the_parts_as_its_plant_says(machine: MachineProfile, experiment: JobMaker) -> None:
+    """The lobe turns by 2 degrees of spindle a part; from part 3 on the harder jaw is where jaw 2 was."""
+    changing = replace(ideal(machine), jaw_1_harder=0.05, lobe_turned_deg_per_part=2.0, jaws_refitted_from_part=3)
+    lathe, traces = SimulatedLathe(machine, changing), []
+    for _ in range(4):
+        lathe.mount(experiment(1))
+        traces.append(lathe.measure())
+    turned = [np.angle(harmonic(traces[0], 3) / harmonic(each, 3), deg=True) / 3 for each in traces]
+    assert turned == pytest.approx([0.0, 2.0, 4.0, 6.0], abs=0.01)
+    ovals = [harmonic(each, 2) / harmonic(traces[0], 2) for each in traces[1:]]
+    assert ovals == pytest.approx([1.0, *[np.exp(-2j * math.radians(120.0))] * 2], abs=1e-4)

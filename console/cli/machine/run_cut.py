@@ -143,6 +143,7 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
             "part_gain": part.part_gain,
             "learned_waves": list(part.learned),
             "certificate": part_sentences.certificate_fields(part.certificate),
+            "changes": [asdict(each) for each in part.changes],
             "trim_short": [{"n": n, "short_um": um} for n, um in sorted(part.trim_short.items())],
             "lobe_left": None if part.left is None else asdict(part.left),
             "fingerprint": None

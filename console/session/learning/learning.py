@@ -349,6 +349,7 @@ class _Learner:
             clamped=self._lobe.clamped,
             trim_short=watch.short_um,
             left=self._lobe.left,
+            changes=self._orders.changes,
         )
 
     def _clamp_blank(self) -> ClampReadings | None:
@@ -374,6 +375,7 @@ class _Learner:
         self._refuse_worse(found, tool_off)
         path = self._fold_trim(trim_um, tool_off)
         left = self._lobe.of_mean(orders.residual_orders(found, tool_off), path)
+        orders.judge_changes(left, path, found, tool_off)
         self._watch = orders.judge_part(self._watch, path, left, found)
         high = self._watch.select_learned({n: c for n, c in left.items() if orders.teaches(n, c, found)})
         missed = self._watch.select_learned(orders.of_tool(tool_off))
@@ -383,15 +385,31 @@ class _Learner:
         fraction = self._folding.fraction
         tabled = {n: fraction * c for n, c in missed.items()}
         high = {n: c - missed.get(n, 0j) + tabled.get(n, 0j) for n, c in high.items()}
-        part = Deviation(mean_um=found.mean_um - push.in_middle_um, coefficients_um=high)
         tool = Deviation(mean_um=tool_off.mean_um, coefficients_um=tabled)
         kept = orders.withdrawn(self._watch.keep_best(path))
-        steps = {n: 1.0 if n == job.jaws and self._filters else g for n, g in gains.items()}
+        steps = {n: g / (1.0 - orders.state(n).lost) for n, g in gains.items()}
+        steps |= {job.jaws: 1.0} if self._filters and job.jaws in steps else {}
+        self._follow_changes(kept, tabled, high, steps)
+        left_um = found.mean_um - push.in_middle_um - tool_off.mean_um
+        mean_um = tool_off.mean_um + orders.size_step_um(left_um, path, gain) / gain
+        part = Deviation(mean_um=mean_um, coefficients_um=high)
         self._path = learned_part(kept, part, tool, self._response, gain, steps).add_push(push.um)
         orders.step(path, self._path)
         certificate = orders.certificate(left, found, tool_off, gains, self._watch.frozen_orders)
         rows = (*certificate, *self._learn_along(sections, push), *certify_push(push.um))
         return tuple(sorted({*high, *missed})), rows
+
+    def _follow_changes(
+        self, path: CutPath, tool_um: Mapping[int, complex], high: dict[int, complex], steps: dict[int, float]
+    ) -> None:
+        """Set the entries of orders of which the next part is known, so that the path is for that."""
+        for n in [n for n in high if self._orders.state(n).is_known]:
+            off_um, had_um = tool_um.get(n, 0j), coefficient_of(path.target, n)
+            next_um = had_um + steps[n] * (high[n] - off_um)
+            ahead_um = self._orders.state(n).follow(next_um)
+            high[n], steps[n] = off_um + ahead_um - had_um, 1.0
+            if n == self._job.jaws and self._filters:
+                self._lobe.move(ahead_um - next_um)
 
     def _learn_along(self, sections: Sequence[TraceSection], push: Push) -> tuple[CertifiedOrder, ...]:
         """Put what the sections of the part show along the cut into the path; return the certificate of it."""

@@ -96,3 +96,8 @@ class LobeLearning:
             force_deviation=self._filter.force_deviation,
         )
         return self._filter.path_um
+
+    def move(self, by_um: complex) -> None:
+        """Expect a mean lobe that has moved, so that its path is another one by so much."""
+        assert self._filter is not None
+        self._filter = self._filter.move(by_um)

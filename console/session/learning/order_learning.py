@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from console.session.learning.learning_beside import CUT_BATCH_S, blank_orders
 from console.session.learning.learning_steps import LEAST_FOLLOWED, OVERTONES, scatter_um
@@ -26,7 +26,17 @@ from profiles.compensations.certificate import (
     is_promised,
     promised_orders,
 )
-from profiles.compensations.learning import SIGNIFICANT, Deviation, HarmonicWatch, coefficient_of
+from profiles.compensations.change import (
+    MARK_SD_DEG,
+    MEAN,
+    UNCHANGED,
+    OrderChange,
+    OrderState,
+    ShownOrder,
+    change_of,
+    state_of,
+)
+from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT, Deviation, HarmonicWatch, coefficient_of
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.optimal_gain import (
     PRIOR_OTHERS_UM,
@@ -81,6 +91,8 @@ class OrderLearning:
         self._steps_um: dict[int, list[float]] = {}
         self._repeating: RepeatHistory | None = None
         self._grown_in_air: frozenset[int] = frozenset()
+        self._shown: dict[int, tuple[ShownOrder, ...]] = {}
+        self._states: dict[int, OrderState] = {}
         self.varying: frozenset[int] = frozenset()  # orders that do not repeat from part to part
 
     @property
@@ -132,7 +144,8 @@ class OrderLearning:
         sd_um = self.sd_um(part, path)
         watch = watch.release_orders(watch.not_back(left_um, sd_um) - self._grown_in_air - {self._lobes})
         self._repeating = self._repeating.add_part({n: self._plain_um(n, c, path) for n, c in left_um.items()})
-        self.varying = self._repeating.varying(self._lobes) - watch.frozen_orders
+        watch = watch.release_orders(frozenset(n for n in left_um if self.state(n).fresh))
+        self.varying = self._repeating.varying(self._lobes, self._states) - watch.frozen_orders
         steady = {n: c for n, c in left_um.items() if n not in self.varying}
         return watch.release_orders(self.varying).judge_pass(path, steady, sd_um)
 
@@ -145,6 +158,37 @@ class OrderLearning:
         if self.of_blank(order):
             return left_um + self._repeating.target_moved_um(path, order)
         return left_um + self.follows(order).response * self._repeating.command_moved_um(path, order)
+
+    def judge_changes(
+        self, left_um: Mapping[int, complex], path: CutPath, part: PartHarmonics, tool_off: Deviation
+    ) -> None:
+        """Find which orders have stepped or drift, by a part that was cut with this path and has left these."""
+        for n, c in left_um.items():
+            off_um = 0j if self.of_blank(n) else tool_off.coefficients_um.get(n, 0j)
+            mark_um = n * math.radians(MARK_SD_DEG) * abs(part.coefficients_um[n])
+            sd_um = math.hypot(part.sd_um[n], tool_off.sd_um, REPEATS_SD_UM, mark_um)
+            self._add(n, c - off_um, coefficient_of(path.target, n), sd_um, self.scatter)
+
+    def size_step_um(self, left_um: float, path: CutPath, gain: float) -> float:
+        """Return how much deeper to cut, after a part that the tool on its path left so much too large, um."""
+        had_um = complex(path.target.mean_um)
+        self._add(MEAN, left_um + 0j, had_um, REPEATS_SD_UM)
+        return (self.state(MEAN).follow(had_um + gain * left_um) - had_um).real
+
+    def _add(self, order: int, left_um: complex, had_um: complex, sd_um: float, clamped: float = 0.0) -> None:
+        seen = ShownOrder(shown_um=left_um + had_um, path_um=had_um, sd_um=sd_um, clamped=clamped)
+        self._shown[order] = (*self._shown.get(order, ()), seen)
+        self._states[order] = state_of(self._shown[order], order, self._lobes)
+
+    def state(self, order: int) -> OrderState:
+        """Return whether an order, 0 for the size, has stepped or drifts."""
+        return self._states.get(order, UNCHANGED)
+
+    @property
+    def changes(self) -> tuple[OrderChange, ...]:
+        """What the last part has shown of steps and drifts."""
+        found = (change_of(self.state(n), n) for n in (MEAN, *self.learned))
+        return tuple(each for each in found if each is not None)
 
     def withdrawn(self, path: CutPath) -> CutPath:
         """Return a path without what was learned of the orders that vary."""
@@ -165,17 +209,18 @@ class OrderLearning:
         if order in self.varying:
             return False
         begun = self._how.optimal and any(step_um > STEP_UM for step_um in self._steps_um.get(order, ()))
-        return begun or abs(left_um) > SIGNIFICANT * part.sd_um[order]
+        return begun or self.state(order).is_drifting or abs(left_um) > SIGNIFICANT * part.sd_um[order]
 
     def gain(self, order: int, error_um: complex, part: PartHarmonics, path: CutPath) -> float:
         """Return the gain for the next step of an order."""
-        steps = self._steps_um.get(order, [])
+        state = self.state(order)
+        steps = self._steps_um.get(order, [])[state.since :]
         if not self._how.optimal:
             return LATER_GAIN if steps else FIRST_GAIN
         made_um = abs(coefficient_of(path.target, order) + error_um)
         lobe = order == self._lobes
         scatter = Scatter(
-            prior_um=lobe_prior_um(self._lobe_um, order) if lobe else PRIOR_OTHERS_UM,
+            prior_um=max(lobe_prior_um(self._lobe_um, order) if lobe else PRIOR_OTHERS_UM, abs(state.stepped_um)),
             part_um=math.hypot(part.sd_um[order], self._clamped_um(order, made_um)),
             response=PROCESS_LOSS_SD,
         )
@@ -205,7 +250,8 @@ class OrderLearning:
                 tool_off_um=tool_off.coefficients_um.get(n),
             )
             standing = self._standing(n, shown.left_um, part, frozen)
-            found.append(certify_order(n, gains.get(n, 0.0), shown, self.follows(n), standing))
+            of_order = certify_order(n, gains.get(n, 0.0), shown, self.follows(n), standing)
+            found.append(replace(of_order, change=change_of(self.state(n), n)))
         return tuple(found)
 
     def _standing(

@@ -11,6 +11,7 @@ from console.session.cut.telemetry import CutFigures
 from console.session.learning.learning_beside import TRIM_LIMIT_UM, blank_orders
 from console.session.learning.lobe_learning import LeftLobe
 from profiles.compensations.certificate import CertifiedOrder, OrderStatus
+from profiles.compensations.change import OrderChange, change_warnings
 from profiles.compensations.learning import REPEATS_SD_UM, Deviation, GrownHarmonic
 from profiles.compensations.path import CutPath
 from profiles.fingerprint.this_clamping import ClampingCorrection
@@ -33,7 +34,7 @@ class LearnedPart:
     `tool_off` is the tool error in the middle of the cut, `air_um` the lobe error in each air pass before this
     part, peak to peak. `learned` are the harmonics that the part has changed for the next one, `grown` those no
     longer learned. `left` is what of its lobe repeats. `clamped` is its fingerprint, `trim_short` how much more
-    trim than there is it needed, um by order.
+    trim than there is it needed, um by order. `changes` are steps and drifts that it has shown.
     """
 
     roundness: RoundnessResult
@@ -51,6 +52,7 @@ class LearnedPart:
     clamped: ClampingCorrection | None = None
     trim_short: Mapping[int, float] = field(default_factory=dict)
     left: LeftLobe | None = None
+    changes: tuple[OrderChange, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,16 +80,18 @@ class LearnResult(RunResult):
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """Return why the series has `ended`, implausible readings, and orders that were not learned.
+        """Return why the series has `ended`, implausible readings, changes, and orders that were not learned.
 
-        Fingerprints that chance hardly explains: `learning.surprise`; harmonics: `learning.grew`; parts that
-        needed more trim: `learning.trim_short`; a last part that is not certainly rounder than the first:
-        `learning.no_gain`.
+        Steps, and what drifts at last: `change_warnings`. Fingerprints that chance hardly explains:
+        `learning.surprise`; harmonics: `learning.grew`; parts that needed more trim: `learning.trim_short`; a last
+        part that is not certainly rounder than the first: `learning.no_gain`.
         """
         grown = map(_grew, self.parts[-1].grown)
         return (
             *self.ended,
             *_find_doubtful_fingerprints(self.parts),
+            *change_warnings(change for part in self.parts for change in part.changes if change.step),
+            *change_warnings(change for change in self.parts[-1].changes if not change.step),
             *grown,
             *_short_of_trim(self.parts),
             *_no_gain(self.parts),

@@ -285,9 +285,7 @@ class TrueParameters:
         """Return how much further in the tool is than its scale reads, at a place of its travel."""
         return self.scale_error_um / 1000.0 * math.sin(2000.0 * math.pi * tool_mm / self.scale_period_um)
 
-    def blank(
-        self, job: Job, force_factor: float = 1.0, at_rpm: float | None = None, part: int = 1
-    ) -> Blank:
+    def blank(self, job: Job, force_factor: float = 1.0, at_rpm: float | None = None, part: int = 1) -> Blank:
         """Return the blank that is clamped for a job, with `force_factor` times the force that it specifies.
 
         It springs back from the force that is left at the speed of the job, or `at_rpm`. `part` counts those that

@@ -85,9 +85,9 @@ class Blank:
 
     `lobe_um_pp` is the spring-back of the free part, high at the jaws or `lobe_past_jaw_deg` past them, and
     `jaw_1_deg` the spindle angle of jaw 1. Unequal jaws add `oval_um` twice a turn and `shift_um` once, both
-    amplitudes that are highest at the harder jaw, `harder_jaw_deg` past jaw 1. Its second harmonic is the fraction `overtone` of the lobe. All of it is
-    that at the Z `middle_mm`, and elsewhere as `along` has it; None is one lobe along Z. `form` is the shape of
-    the surface that was never cut.
+    amplitudes that are highest at the harder jaw, `harder_jaw_deg` past jaw 1. Its second harmonic is the fraction
+    `overtone` of the lobe. All of it is that at the Z `middle_mm`, and elsewhere as `along` has it; None is one
+    lobe along Z. `form` is the shape of the surface that was never cut.
 
     A blank that was round before it was clamped is pressed in where the part will spring back, by the fraction
     `pressed_in` of that; 0 is one that was turned round in these jaws.

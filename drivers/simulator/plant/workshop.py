@@ -393,7 +393,9 @@ class SimulatedWorkshop:
         if self._part is None or self._pressed is None:
             raise RuntimeError("no part is mounted")
         job, *factors = self._pressed
-        finger, full = (partial(self._clamped_um, self._true.press_blank(job, each, self.parts)) for each in factors)
+        finger, full = (
+            partial(self._clamped_um, self._true.press_blank(job, each, self.parts)) for each in factors
+        )
         from_jaw_1 = None if places is None else FromJaw(places=places, jaw_1_deg=self._part.blank.jaw_1_deg)
         return self._indicator.readings(finger, full, job.jaws, job.chucking_force_n, from_jaw_1)
 
