@@ -4,7 +4,8 @@
 reason, or a signal asks for it, the process ends and cleans up.
 
 The private channel is a stream of JSON lines, one reply for each request: `{"do": "mount", "job": {...}}`,
-`{"do": "measure"}`, `{"do": "sections"}` (of the part that was measured), `{"do": "look"}`, `{"do": "truth"}`,
+`{"do": "measure", "turned_deg": 90}` (the part turned on the gauge), `{"do": "sections"}` (of the part that was
+measured), `{"do": "look"}`, `{"do": "truth"}`,
 `{"do": "indicate", "places": 12}` (an indicator on the clamped part), `{"do": "spindle", "rpm": 800}` (a spindle
 on an inverter; null disables it), `{"do": "pace", "speed": 2.0}` (0 pauses) and `{"do": "fault", "line": "..."}`
 (see `control_socket`). The reply to an impossible request is `{"refused": reason}`. The reply to
@@ -40,7 +41,7 @@ from drivers.simulator.plant.which_lathe import MOUNTED
 from profiles.job import job_from_table
 from profiles.problem import ProfileError
 from profiles.store import load_machine
-from profiles.strict_values import from_json, positive, whole_number
+from profiles.strict_values import from_json, number, positive, whole_number
 
 
 def main() -> None:
@@ -106,8 +107,8 @@ def answer(lathe: SimulatedLathe, line: bytes, pace: SimulationPace | None = Non
         return {"refused": f"no request: {error!r}"}
 
 
-def _measure(lathe: SimulatedLathe) -> dict[str, Any]:
-    trace = lathe.measure()
+def _measure(lathe: SimulatedLathe, turned_deg: Any) -> dict[str, Any]:
+    trace = lathe.measure(turned_deg=number(turned_deg))
     columns = {"angle_deg": trace.angle_deg.tolist(), "deviation_um": trace.deviation_um.tolist()}
     return {**columns, "meta": dict(trace.meta)}
 
@@ -131,7 +132,7 @@ def _obey_fault(lathe: SimulatedLathe, line: str) -> dict[str, Any]:
 _ANSWERS: Mapping[str, Callable[[SimulatedLathe, Mapping[str, Any], SimulationPace], dict[str, Any] | None]] = {
     "mount": lambda lathe, request, _: lathe.mount(job_from_table(request["job"])),
     "look": lambda lathe, _, pace: {**asdict(lathe.look()), "held_s": pace.held_s},
-    "measure": lambda lathe, _, __: _measure(lathe),
+    "measure": lambda lathe, request, _: _measure(lathe, request.get("turned_deg", 0.0)),
     "sections": lambda lathe, _, __: _sections(lathe),
     "indicate": lambda lathe, request, _: _indicate(lathe, request.get("places")),
     "truth": lambda lathe, _, __: asdict(lathe.truth()),

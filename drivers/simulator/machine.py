@@ -210,9 +210,9 @@ class SimulatedLathe:
         if placed.job is not None:
             self.mount(placed.job)
 
-    def measure(self, past_middle_mm: float = 0.0) -> Trace:
+    def measure(self, past_middle_mm: float = 0.0, *, turned_deg: float = 0.0) -> Trace:
         """Release the part and measure its trace, see `SimulatedWorkshop.measure`."""
-        return self._floor.measure(past_middle_mm)
+        return self._floor.measure(past_middle_mm, turned_deg)
 
     def sections(self) -> tuple[PartSection, ...]:
         """Return sections of the part that was measured, see `SimulatedWorkshop.sections`."""

@@ -32,6 +32,7 @@ Z_FROM = ("jaw faces", "free end")
 
 METHODS = ("radial", "v_block", "two_point")
 SIZES = ("absolute", "relative")
+GAUGE_ERROR = "gauge_error"  # header line: which error of the gauge was taken off the deviations
 NUMBERS_READ = "numbers_read"  # added by the reader: a number of the file with its reading
 # Keys that are applied while the file is read and then dropped:
 APPLIED = ("units", "angles", "angle_range", "decimal")

@@ -340,8 +340,8 @@ class Floor:
     def mount(self, job: Job) -> None:
         self.sim.mount(job)
 
-    def measure(self) -> Trace:
-        return self.sim.measure()
+    def measure(self, *, turned_deg: float = 0.0) -> Trace:
+        return self.sim.measure(turned_deg=turned_deg)
 
     def sections(self) -> tuple[PartSection, ...]:
         return self.sim.sections()

@@ -154,7 +154,7 @@ class Made:
     def mount(self, job: Job) -> None:
         self.watched.sim.mount(job)
 
-    def measure(self) -> Trace:
+    def measure(self, *, turned_deg: float = 0.0) -> Trace:
         self.measured = True
         return cast(Trace, None)
 

@@ -23,6 +23,7 @@ from console.text.catalogue import Catalogue
 if TYPE_CHECKING:
     from profiles.metrology.conformity import JudgedFigure
     from profiles.metrology.cylindricity import CylinderResult
+    from profiles.metrology.separation import Placement
     from profiles.problem import Problem
     from profiles.trace_files.header import TraceHeader
     from profiles.trace_files.sections import SurfacePoints, TraceSection
@@ -45,12 +46,15 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--vblock", metavar="DEG", type=number, help=text("help.vblock"))
     parser.add_argument("--lobes", metavar="N", type=whole_number, help=text("help.lobes"))
     parser.add_argument("--job", metavar="JOB", help=text("help.roundness_job"))
+    parser.add_argument("--separate", metavar="DEG,DEG", type=_placements, help=text("help.separate"))
+    parser.add_argument("--save-gauge-error", metavar="NAME", help=text("help.save_gauge_error"))
     add_fail_out_of_tolerance(parser, text)
 
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Evaluate a trace and print its roundness; warnings go to stderr."""
     from console.cli.library import naming
+    from console.cli.measured.gauge_separation import separate_files, separation_fields, separation_lines
     from console.cli.measured.roundness_report import (
         judged_rows,
         roundness_lines,
@@ -71,7 +75,13 @@ def main(options: Namespace, text: Catalogue) -> int:
     if options.fail_out_of_tolerance and options.job is None:
         print(f"console roundness: {text('usage.tolerance_without_job')}", file=sys.stderr)
         return WRONG_USAGE
-    sections = read_surface([Path(file) for file in (options.file, *options.others)])
+    if options.save_gauge_error is not None and options.separate is None:
+        print(f"console roundness: {text('usage.error_without_separate')}", file=sys.stderr)
+        return WRONG_USAGE
+    apart = None if options.separate is None else separate_files(options)
+    sections = (
+        read_surface([Path(file) for file in (options.file, *options.others)]) if apart is None else (apart.first,)
+    )
     if isinstance(sections, SurfacePoints) or len(sections) > 1:
         return _whole(options, sections, text)
     if options.filter_along is not None:
@@ -93,6 +103,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     judged = _judged(options, measured.header, z_mm, result.ront_um, result.mean_deviation_um)
     said = ["", section_words(z_mm, text), *table(judged_rows(judged, text))] if judged else []
     fields |= judged_fields(judged)
+    if apart is not None:
+        fields["separation"], lines = separation_fields(apart), [*separation_lines(apart, text), *lines]
     show(options, lambda: {"file": options.file, **fields, **more}, lambda: [*lines, *said])
     return OUT_OF_TOLERANCE if options.fail_out_of_tolerance and passes_all(judged) is False else 0
 
@@ -221,6 +233,12 @@ def _judged(
         taper_um=0.0 if whole is None else whole.taper_um,
         cylt_um=cylt_um,
     )
+
+
+def _placements(words: str) -> tuple[Placement, ...]:
+    from console.cli.measured.gauge_separation import placements
+
+    return placements(words)
 
 
 def _filter(word: str) -> float | None:

@@ -72,8 +72,8 @@ class Workshop(Protocol):
     def mount(self, job: Job) -> None:
         """Clamp a new blank."""
 
-    def measure(self) -> Trace:
-        """Release the part and measure it."""
+    def measure(self, *, turned_deg: float = 0.0) -> Trace:
+        """Release the part and measure it, turned on the gauge by so much in the direction of its angles."""
 
     def sections(self) -> tuple[PartSection, ...]:
         """Return sections of the part that was measured, along its cut."""

@@ -245,13 +245,16 @@ class SimulatorProcess:
         self._ask("mount", job={key: value for key, value in asdict(job).items() if value is not None})
         self.parts += 1
 
-    def measure(self) -> Trace:
-        """Release the part; take its trace. Raises LinkError: `simulator.gone`; `simulator.refused`, no part."""
+    def measure(self, *, turned_deg: float = 0.0) -> Trace:
+        """Release the part; take its trace, turned on the gauge.
+
+        Raises LinkError: `simulator.gone`; `simulator.refused`, no part.
+        """
         import numpy as np
 
         from profiles.traces import Trace
 
-        said = self._ask("measure")
+        said = self._ask("measure", turned_deg=turned_deg)
         angle_deg = np.array(said["angle_deg"], dtype=np.float64)
         deviation_um = np.array(said["deviation_um"], dtype=np.float64)
         for column in (angle_deg, deviation_um):

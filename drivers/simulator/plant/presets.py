@@ -104,6 +104,9 @@ PLANT_FIELDS = (
     _amount("eccentricity_um", "gauge", "um", 1000.0),
     _amount("noise_um", "gauge", "um", 10.0),
     _amount("mark_sd_deg", "gauge", "deg", 20.0),
+    _amount("spindle_error_um", "gauge", "um", 1000.0),
+    Field(key="spindle_error_upr", kind=FieldType.WHOLE, table="gauge", default=2, at_least=2, at_most=100),
+    Field(key="spindle_error_deg", table="gauge", unit="deg", default=0.0, at_least=-180.0, at_most=180.0),
     Field(key="start_mark", kind=FieldType.CHOICE, table="gauge", default="known", choices=("known", "unknown")),
 )
 """Every key of a plant with its limits."""
@@ -252,6 +255,7 @@ _RENAMED = {
     "passive_force_share": "passive_fraction",
     "edge_force_n_per_mm": "edge_n_per_mm",
     **{f"{key}_um": f"gauge_{key}_um" for key in ("eccentricity", "noise")},
+    **{f"spindle_error_{key}": f"gauge_error_{key}" for key in ("um", "upr", "deg")},
     **{"mark_sd_deg": "gauge_mark_sd_deg", "pressed_fraction": "blank_pressed"},
     **{key: f"blank_{key}" for key in ("oval_um_pp", "run_out_um")},
 }

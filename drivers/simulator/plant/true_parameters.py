@@ -134,7 +134,8 @@ class TrueParameters:
 
     On the gauge a part sits up to `gauge_eccentricity_um` off the axis, each point has a noise of
     `gauge_noise_um` (rms), and where no mark is known the trace begins at a random angle. A known mark is found
-    again with a standard deviation of `gauge_mark_sd_deg`, since the part is put on the gauge by hand.
+    again with a standard deviation of `gauge_mark_sd_deg`, since the part is put on the gauge by hand. Its spindle
+    errs by the amplitude `gauge_error_um`, `gauge_error_upr` times a turn, highest at its own `gauge_error_deg`.
 
     `seed` determines all random effects: the noises, the forces of clampings, the phases of ripple and wander.
     Where `parts_before` were clamped on it, it goes on as after these. `lathe` is which one it is by name. The
@@ -212,6 +213,9 @@ class TrueParameters:
     gauge_noise_um: float = 0.0
     gauge_mark_known: bool = True
     gauge_mark_sd_deg: float = 0.0
+    gauge_error_um: float = 0.0
+    gauge_error_upr: int = 2
+    gauge_error_deg: float = 0.0
     seed: int = 0
     parts_before: int = 0
     lathe: WhichLathe = field(default=WhichLathe(plant=IDEAL, seed=0, alike=True), compare=False)

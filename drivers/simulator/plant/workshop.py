@@ -54,17 +54,20 @@ class Gauge:
 
     Deviations are um, positive outwards, at 3600 angles from the spindle index, in the direction in which the
     cut turned. Without a known start mark the trace begins at a random angle; a known one is set by hand, so
-    that it is found again with a standard deviation.
+    that it is found again with a standard deviation. The error of its spindle stays at the angles of the trace,
+    however the part sits; an indicator on the clamped part has none of it.
     """
 
-    def __init__(self, true: TrueParameters) -> None:
+    def __init__(self, true: TrueParameters, what: str = "gauge") -> None:
         self._eccentricity_um = true.gauge_eccentricity_um
         self._noise_um = true.gauge_noise_um
         self._mark_known = true.gauge_mark_known
         self._mark_sd_deg = true.gauge_mark_sd_deg
         self._lathe = str(true.lathe)
-        self._chance = true.chance("gauge")
+        self._chance = true.chance(what)
         self._generator = np.random.default_rng(self._chance.randrange(2**32))
+        error_deg = np.arange(ANGLES) * (360.0 / ANGLES) - true.gauge_error_deg
+        self._error_um: Floats = true.gauge_error_um * np.cos(true.gauge_error_upr * np.radians(error_deg))
         self._off_um: Floats = np.zeros(ANGLES)
         self._turned = 0
 
@@ -73,8 +76,11 @@ class Gauge:
         for _ in range(parts):
             self.trace(np.zeros(ANGLES), 0.0, FREE)
 
-    def trace(self, deviation_um: Floats, nominal_radius_mm: float, state: str) -> Trace:
-        """Return the trace of a section that deviates by `deviation_um` from its nominal radius, shape (3600,)."""
+    def trace(self, deviation_um: Floats, nominal_radius_mm: float, state: str, turned_deg: float = 0.0) -> Trace:
+        """Return the trace of a section that deviates by `deviation_um` from its nominal radius, shape (3600,).
+
+        The part is turned on the gauge by `turned_deg`, so that its start mark is there.
+        """
         angle_deg: Floats = np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
         self._off_um, self._turned = np.zeros(ANGLES), 0
         if self._eccentricity_um:
@@ -87,7 +93,10 @@ class Gauge:
             self._turned = self._chance.randrange(ANGLES)
         elif self._mark_sd_deg and state == FREE:
             self._turned = round(self._chance.gauss(0.0, self._mark_sd_deg) * ANGLES / 360.0)
+        self._turned += round(turned_deg * ANGLES / 360.0)
         read_um = np.roll(read_um, self._turned)
+        if state == FREE:
+            read_um = read_um + self._error_um
         meta = {
             "state": state,
             "simulated": "yes",
@@ -102,7 +111,8 @@ class Gauge:
         """Return another section of the part as it was placed for its last trace, levelled to its axis."""
         read_um = deviation_um + self._off_um + noise.normal(0.0, self._noise_um, ANGLES)
         angle_deg: Floats = np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
-        return PartSection(z_mm=z_mm, angle_deg=angle_deg, deviation_um=np.roll(read_um, self._turned))
+        turned_um = np.roll(read_um, self._turned) + self._error_um
+        return PartSection(z_mm=z_mm, angle_deg=angle_deg, deviation_um=turned_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -312,8 +322,8 @@ class SimulatedWorkshop:
             drifted_mm=self._path.drifted_mm,
         )
 
-    def measure(self, past_middle_mm: float = 0.0) -> Trace:
-        """Release the part and measure its trace; repeatable until another is clamped.
+    def measure(self, past_middle_mm: float = 0.0, turned_deg: float = 0.0) -> Trace:
+        """Release the part and measure its trace, turned on the gauge; repeatable until another is clamped.
 
         The trace is taken this far past the middle of the cut, towards the jaws, up to 0.45 lengths of the cut to
         either side; the surface is kept in a score of sections, and is a straight line between two.
@@ -332,7 +342,9 @@ class SimulatedWorkshop:
             self.watch.release()
             if self._load is not None:
                 self._load.clamp(None)
-        trace = self._gauge.trace(self._free_um(part, between), self._nominal_radius_mm, FREE)
+        # What another placement draws must not change what the next part measures.
+        gauge = Gauge(self._true, f"gauge, part {self.parts} turned") if turned_deg else self._gauge
+        trace = gauge.trace(self._free_um(part, between), self._nominal_radius_mm, FREE, turned_deg)
         if self._job is None:
             return trace
         z_mm = self._job.overhang_mm - 0.5 * self._job.cut_length_mm - past_middle_mm
@@ -417,8 +429,8 @@ class SimulatedWorkshop:
             left_um += 1000.0 * np.array([self._wander.at_mm(place / ANGLES) for place in range(ANGLES)])
         if last is not None and self._job is not None:
             left_um = last.followed_um(self._job, left_um)
-        # A gauge of its own: a debrief must not change what the next part measures.
-        trace = Gauge(true).trace(left_um, 0.0, FREE)
+        # A gauge of its own, without error: a debrief must not change what the next part measures.
+        trace = Gauge(replace(true, gauge_error_um=0.0)).trace(left_um, 0.0, FREE)
         return Truth(
             jaw_1_deg=jaw_1_deg % 360.0,
             zero_radius_mm=self._path.tips_mm((0.0,))[0],
