@@ -4,8 +4,9 @@ Angles are in degrees, deviations from any nominal radius in um, positive outwar
 limacon model (deviation = R + x cos + y sin), which holds while eccentricity^2 / (2 radius) is small; beyond, a
 part of known radius is taken about its own centre. Names after ISO 12181-1 (RONt, RONp, RONv, RONq; LSC: least
 squares circle, MZC: minimum zone, MCC: minimum circumscribed, MIC: maximum inscribed) and ISO 16610-21 (the
-Gaussian filter, here for a closed profile: no end effects). Where a circle may slide (MCC and MIC of an oval)
-the position with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.circles`.
+Gaussian filter, here for a closed profile: no end effects; others are in `profiles.metrology.profile_filters`).
+Where a circle may slide (MCC and MIC of an oval) the position with the least RONt is taken, then the one nearest
+to LSC: see `profiles.metrology.circles`.
 """
 
 from __future__ import annotations
@@ -36,10 +37,10 @@ from profiles.metrology.points import (
     angle_weights,
     check_points,
     equally_spaced,
-    gaussian_filter,
     largest_gap,
     largest_gap_deg,
 )
+from profiles.metrology.profile_filters import FilterKind, filter_profile
 from profiles.problem import Problem, refusal_error
 
 # The ovality, p-p, that the limacon model may add before the part is taken about its own centre.
@@ -66,12 +67,13 @@ class RoundnessResult:
 
     RONt, RONp, RONv and RONq are those of the least squares circle; `circles` has all four, each with its own
     centre. `centre_x_um` (towards angle 0), `centre_y_um` and `mean_deviation_um` are those of the unfiltered
-    trace, from the axis of measurement. `harmonics` are n = 2 to 15 (or as many as the points allow) of the
-    centred, filtered profile. `filter_upr` is the cut-off in undulations per revolution, None without a filter,
-    `above_upr` the lower cut-off of a band pass. `recentred` is whether the part was too far off for the
-    limacon model and was taken about its own centre. `left_out` counts suspect points. `state` is the state in
-    which the part was measured, such as "free" or "clamped". `features` are neighbouring suspect points, which
-    stay in; `without_features` is the result without them. `warnings` do not invalidate the result.
+    trace (robust filter: of the filtered one), from the axis of measurement. `harmonics` are n = 2 to 15 (or as
+    many as the points allow) of the centred, filtered profile. `filter_upr` is the cut-off of the `filter_kind`
+    in undulations per revolution, None without a filter, `above_upr` the lower cut-off of a band pass.
+    `recentred` is whether the part was too far off for the limacon model and was taken about its own centre.
+    `left_out` counts suspect points. `state` is the state in which the part was measured, such as "free" or
+    "clamped". `features` are neighbouring suspect points, which stay in; `without_features` is the result
+    without them. `warnings` do not invalidate the result.
     """
 
     ront_um: float
@@ -86,6 +88,7 @@ class RoundnessResult:
     state: str
     points: int
     harmonics: tuple[Harmonic, ...]
+    filter_kind: FilterKind = FilterKind.GAUSS
     above_upr: float | None = None
     circles: tuple[ReferenceCircle, ...] = ()
     recentred: bool = False
@@ -130,6 +133,7 @@ class _Method:
     filter_upr: float | None
     above_upr: float | None = None
     radius_mm: float | None = None
+    kind: FilterKind = FilterKind.GAUSS
 
     @property
     def widest_deg(self) -> float:
@@ -147,7 +151,7 @@ class _Method:
         centred = _centre_profile(angle, deviation, self.radius_mm)
         if self.filter_upr is None and self.above_upr is None:
             return centred
-        return _filter_profile(centred, self.filter_upr, self.above_upr)
+        return _filter_profile(centred, self)
 
 
 def evaluate(
@@ -159,6 +163,7 @@ def evaluate(
     radius_mm: float | None = None,
     above_upr: float | None = None,
     robust: bool = False,
+    filter_kind: FilterKind = FilterKind.GAUSS,
 ) -> RoundnessResult:
     """Return the roundness of a trace of M points against its reference circles.
 
@@ -174,7 +179,7 @@ def evaluate(
     points by themselves or few together) and counts it; more neighbours are features, and stay.
     """
     angle, deviation = check_points(angle_deg, deviation_um)
-    method = _Method(filter_upr=filter_upr, above_upr=above_upr, radius_mm=radius_mm)
+    method = _Method(filter_upr=filter_upr, above_upr=above_upr, radius_mm=radius_mm, kind=filter_kind)
     spiked = () if robust else _spikes(angle, deviation)
     suspect = suspects(angle, deviation) if robust else np.zeros(angle.shape, dtype=bool)
     found = features(angle, deviation, suspect)
@@ -213,6 +218,7 @@ def _result(angle: Floats, deviation: Floats, method: _Method) -> RoundnessResul
         mean_deviation_um=centred.mean_um,
         reference_circle=LEAST_SQUARES,
         filter_upr=method.filter_upr,
+        filter_kind=method.kind,
         above_upr=method.above_upr,
         state="unknown",
         points=deviation.size,
@@ -239,13 +245,14 @@ def profile_of(
     *,
     kind: str = LEAST_SQUARES,
     radius_mm: float | None = None,
+    filter_kind: FilterKind = FilterKind.GAUSS,
 ) -> tuple[Floats, Floats]:
     """Return the filtered deviations from a reference circle, um, and their angles, deg; shape (N,) each.
 
     `kind` is one of `CIRCLES`. The angles are those given but for a part that is taken about its own centre, and
     for a trace that is interpolated: see `evaluate`, also for `radius_mm` and what is raised.
     """
-    method = _Method(filter_upr=filter_upr, radius_mm=radius_mm)
+    method = _Method(filter_upr=filter_upr, radius_mm=radius_mm, kind=filter_kind)
     centred = method.profile(*check_points(angle_deg, deviation_um))
     angle, profile = centred.angle_deg, centred.profile_um
     if kind == LEAST_SQUARES:
@@ -281,9 +288,8 @@ def _centre_profile(angle_deg: Floats, deviation_um: Floats, radius_mm: float | 
     )
 
 
-def _filter_profile(
-    centred: _CentredProfile, filter_upr: float | None, above_upr: float | None
-) -> _CentredProfile:
+def _filter_profile(centred: _CentredProfile, method: _Method) -> _CentredProfile:
+    filter_upr, above_upr = method.filter_upr, method.above_upr
     if filter_upr is None:
         raise refusal_error("value.out_of_range", key="filter_upr", value="none", limit=f"> {above_upr} UPR")
     if not equally_spaced(centred.angle_deg):
@@ -291,8 +297,19 @@ def _filter_profile(
         centred = replace(centred, angle_deg=angle, profile_um=profile)
     order = np.argsort(np.mod(centred.angle_deg, 360.0), kind="stable")
     profile = np.empty_like(centred.profile_um)
-    profile[order] = gaussian_filter(centred.profile_um[order], filter_upr, above_upr=above_upr)
-    return replace(centred, profile_um=profile)
+    profile[order] = filter_profile(centred.profile_um[order], method.kind, filter_upr, above_upr)
+    centred = replace(centred, profile_um=profile)
+    if method.kind is not FilterKind.ROBUST:
+        return centred
+    # What it leaves out had drawn the circle of the unfiltered points towards it.
+    again = _centre_profile(centred.angle_deg, profile, None)
+    return replace(
+        again,
+        mean_um=centred.mean_um + again.mean_um,
+        x_um=centred.x_um + again.x_um,
+        y_um=centred.y_um + again.y_um,
+        recentred=centred.recentred,
+    )
 
 
 def _gap(angle: Floats, deviation: Floats, method: _Method, ront_um: float) -> tuple[Problem, ...]:

@@ -23,6 +23,7 @@ from profiles.compensations.path import PathHarmonic
 from profiles.metrology.conformity import JudgedFigure, ToleranceKind, passes_all
 from profiles.metrology.cylindricity import LEAST_SQUARES, CylinderResult
 from profiles.metrology.length_causes import LengthCause, LengthCauseKind
+from profiles.metrology.profile_filters import FilterKind
 from profiles.trace_files.sections import INDEX
 
 if TYPE_CHECKING:
@@ -54,13 +55,22 @@ def extraction_words(whole: CylinderResult, meta: Mapping[str, str], text: Catal
     """
     count, none = len(whole.sections) or whole.count, text("roundness.no_filter")
     upr, mm = whole.filter_upr, whole.filter_along_mm
-    filters = {"filter": none if upr is None else f"{upr:g} UPR", "along": none if mm is None else f"{mm:g} mm"}
-    said = [text(f"section.strategy.{whole.strategy}", count=count), text("section.filters", **filters)]
+    filters = {
+        "filter": none if upr is None else f"{filter_name(whole.filter_kind, text)}{upr:g} UPR",
+        "along": none if mm is None else f"{mm:g} mm",
+    }
+    filtered = "section.filters" if whole.filter_kind is FilterKind.GAUSS else "section.filters_other"
+    said = [text(f"section.strategy.{whole.strategy}", count=count), text(filtered, **filters)]
     axis = whole.cylinder(LEAST_SQUARES)
     tilt = f"{math.hypot(axis.tilt_x_um_per_mm, axis.tilt_y_um_per_mm):.2f}"
     index = text("section.index_stated" if states_index(meta) else "section.index_assumed")
     levelled = text("section.levelled" if LEVELLED in meta else "section.tilt_out", tilt=tilt)
     return [*said, index if whole.sections else text("section.no_roundness"), levelled]
+
+
+def filter_name(kind: FilterKind, text: Catalogue) -> str:
+    """Return the name of a filter, to stand before its cut-off; "" of the Gaussian, which is the usual one."""
+    return "" if kind is FilterKind.GAUSS else f"{text(f'filter.{kind}')} "
 
 
 def verdict_words(event: Mapping[str, Any], text: Catalogue) -> str:

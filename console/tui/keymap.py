@@ -207,7 +207,7 @@ _ACTIONS = (
     *_keys("run", "more + +-", "less - .", moves=True),
     *_keys("run", "choose a ."),
     *_keys("run", "retract F8", moves=True, once=True),
-    *_keys("inspect", "measure m"),
+    *_keys("inspect", "measure m", "turned r ."),
     *_keys("inspect", "accept a", "revert v", "offset o .", once=True),
     *_keys("inspect", "import i", "next Enter", "view h", "length l", "beside b .", "circle c .", "filter f ."),
     Action(id="inspect.larger", keys=("+", "="), shown="+ -", row=""),

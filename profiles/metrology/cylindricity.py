@@ -23,6 +23,7 @@ from profiles.metrology.circles import exchange_basis, limacon_circle
 from profiles.metrology.conformity import SectionForm
 from profiles.metrology.length_causes import CAUSES, LengthCause, length_causes
 from profiles.metrology.points import POINTS_PER_UNDULATION, angle_weights, gaussian_weights
+from profiles.metrology.profile_filters import FilterKind
 from profiles.problem import refusal_error
 from profiles.roundness import profile_of
 from profiles.trace_files.sections import BIRD_CAGE, SECTIONS, SurfacePoints, TraceSection, generatrix_of
@@ -93,7 +94,8 @@ class CylinderResult:
     `causes` are why the sections differ, largest first.
 
     `strategy` is how it was extracted (ISO 12180-2). Of `count` points that are no sections these are unknown; a
-    bird-cage has generatrices. The filters are Gaussian, with their cut-off round (UPR) and along (mm), or None.
+    bird-cage has generatrices. The filter round is of `filter_kind`, that along is Gaussian, with their cut-offs
+    (UPR and mm), or None.
     """
 
     sections: tuple[SectionForm, ...]
@@ -106,6 +108,7 @@ class CylinderResult:
     causes: tuple[LengthCause, ...]
     strategy: str = SECTIONS
     filter_along_mm: float | None = None
+    filter_kind: FilterKind = FilterKind.GAUSS
     count: int = 0
 
     def event(self) -> dict[str, object]:
@@ -122,6 +125,7 @@ class CylinderResult:
             CAUSES: [asdict(each) for each in self.causes],
             "extraction": self.strategy,
             "filter_along_mm": self.filter_along_mm,
+            **({} if self.filter_kind is FilterKind.GAUSS else {"filter_kind": self.filter_kind}),
         }
 
     @property
@@ -152,6 +156,7 @@ def evaluate_cylinder(
     radius_mm: float | None = None,
     filter_upr: float | None = 50.0,
     filter_along_mm: float | None = None,
+    filter_kind: FilterKind = FilterKind.GAUSS,
 ) -> CylinderResult:
     """Return the cylindricity of sections of one part, which share the axis of measurement and its angle 0.
 
@@ -162,7 +167,7 @@ def evaluate_cylinder(
     if len(heights) < LEAST_SECTIONS:
         value, limit = str(len(heights)), f">= {LEAST_SECTIONS}"
         raise refusal_error("trace.few_sections", key="z_mm", value=value, limit=limit)
-    whole = [_filtered(each, filter_upr) for each in sorted(sections, key=lambda each: each.z_mm)]
+    whole = [_filtered(each, filter_upr, filter_kind) for each in sorted(sections, key=lambda each: each.z_mm)]
     if filter_along_mm is not None:
         whole = _filtered_along(whole, filter_along_mm)
     angle = np.radians(np.concatenate([each.angle_deg for each in whole]))
@@ -183,6 +188,7 @@ def evaluate_cylinder(
         causes=length_causes(floats([each.z_mm for each in whole]), turns, least, cylt_um),
         **_lines(whole),
         filter_along_mm=filter_along_mm,
+        filter_kind=filter_kind,
         count=z.size,
     )
 
@@ -364,9 +370,9 @@ def _extreme(kind: str, design: Floats, left_um: Floats) -> Floats:
     return floats(sign * span_um * optimum.prices[-4:])
 
 
-def _filtered(section: PartSection, filter_upr: float | None) -> PartSection:
+def _filtered(section: PartSection, filter_upr: float | None, filter_kind: FilterKind) -> PartSection:
     """Return the section through the filter, with the mean and the centre that it has."""
-    angle, profile = profile_of(section.angle_deg, section.deviation_um, filter_upr)
+    angle, profile = profile_of(section.angle_deg, section.deviation_um, filter_upr, filter_kind=filter_kind)
     mean, x, y = _centre(section)
     theta = np.radians(angle)
     return PartSection(

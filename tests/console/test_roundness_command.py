@@ -368,3 +368,24 @@ def test_heights_from_the_free_end_are_said_from_the_jaws_of_their_job(
     seen = console("roundness", str(path), "--job", str(job), "--json").json
     assert [each["z_mm"] for each in seen["sections"]] == [22.5, 26.0, 29.5]
     assert seen["taper_um"] == pytest.approx(-3.5, abs=0.01), "0.5 um/mm from the free end on"
+
+
+def test_another_filter_goes_by_its_name_and_is_named_with_the_result(console: Console, tmp_path: Path) -> None:
+    angle = np.arange(0.0, 360.0, 0.5)
+    path = tmp_path / "part.csv"
+    rows = "\n".join(f"{a},{10.0 * np.cos(15 * np.radians(a))}" for a in angle)
+    path.write_text(f"# units_checked: yes\nangle_deg,deviation_um\n{rows}")
+    heights = {"15": 10.0, "gauss:15": 10.0, "spline:15": 10.0, "2rc:15": 15.0, "none": 20.0}
+    for asked, ront_um in heights.items():
+        found = console("roundness", str(path), "--filter", asked, "--json").json
+        assert found["RONt_um"] == pytest.approx(ront_um, abs=0.02), asked
+        assert (found["filter_kind"], found["filter_upr"]) == (
+            asked.split(":")[0] if ":" in asked else "gauss",
+            None if asked == "none" else 15.0,
+        )
+    assert "2RC (75 % at the cut-off) 50 UPR" in console("roundness", str(path), "--filter", "2rc").out
+    assert "robust Gaussian (ISO 16610-31) 15 UPR" in console("roundness", str(path), "--filter", "robust:15").out
+    assert "filter 15 UPR" in console("roundness", str(path), "--filter", "15").out
+    for wrong in ("2cr", "spline:", "spline:0.5", "12:15"):
+        refused = console("roundness", str(path), "--filter", wrong)
+        assert refused.code == 2 and wrong in refused.err and "gauss, spline, robust, 2rc" in refused.err

@@ -11,7 +11,7 @@ from console.cli.library import data_of, naming
 from console.cli.parser import Parser
 from console.session.data.kept_files import utc_now
 from console.session.learning.evaluated_part import fold_turns
-from console.session.learning.gauge_errors import keep_error, newest_error, without_gauge_error
+from console.session.learning.gauge_errors import keep_error, newest_error, spell_drift, without_gauge_error
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.files import printable
@@ -72,7 +72,8 @@ def separate_files(options: Namespace) -> SeparatedFiles:
         with naming(where):
             turn, _ = fold_turns(section.trace, header)
             readings.append(profile_of(turn.angle_deg, turn.deviation_um, None, radius_mm=header.radius_mm))
-            result = evaluate(turn.angle_deg, turn.deviation_um, options.filter, radius_mm=header.radius_mm)
+            upr, kind = options.filter
+            result = evaluate(turn.angle_deg, turn.deviation_um, upr, radius_mm=header.radius_mm, filter_kind=kind)
         files.append((Path(name).name, content))
         sections.append(section)
         read_um.append(result.ront_um)
@@ -157,6 +158,6 @@ def separation_lines(apart: SeparatedFiles, text: Catalogue) -> list[str]:
         error = apart.error
         lines.append(text("separation.kept", gauge=error.gauge, until=error.valid_until, file=str(apart.kept)))
     if apart.drift_um is not None:
-        moved = ", ".join(f"{n} UPR {um:.3f} um" for n, um in apart.drift_um.items())
+        moved = spell_drift(apart.drift_um)
         lines.append(text("separation.drift", value=moved) if moved else text("separation.no_drift"))
     return [*lines, ""]

@@ -23,6 +23,7 @@ from console.text.catalogue import Catalogue
 if TYPE_CHECKING:
     from profiles.metrology.conformity import JudgedFigure
     from profiles.metrology.cylindricity import CylinderResult
+    from profiles.metrology.profile_filters import FilterKind
     from profiles.metrology.separation import Placement
     from profiles.problem import Problem
     from profiles.trace_files.header import TraceHeader
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 REFERENCE_CIRCLES = ("LSC", "MZC", "MCC", "MIC")
 OF_ONE_SECTION = ("band", "circle", "robust", "vblock", "lobes")  # options that several sections have no use for
+DEFAULT_UPR = "50"
 LOWEST_UPR, HIGHEST_UPR = 1.0, 10_000.0
 
 
@@ -38,7 +40,9 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("file", metavar="FILE.csv", help=text("help.file"))
     parser.add_argument("others", metavar="SECTION.csv", nargs="*", help=text("help.sections"))
     filters = parser.add_mutually_exclusive_group()
-    filters.add_argument("--filter", metavar="UPR|none", default="50", type=_filter, help=text("help.filter"))
+    filters.add_argument(
+        "--filter", metavar="UPR|KIND|KIND:UPR|none", default=DEFAULT_UPR, type=_filter, help=text("help.filter")
+    )
     filters.add_argument("--band", metavar="LOW:HIGH", type=_band, help=text("help.band"))
     parser.add_argument("--filter-along", metavar="MM", type=number, help=text("help.filter_along"))
     parser.add_argument("--circle", choices=REFERENCE_CIRCLES, default="LSC", help=text("help.circle"))
@@ -160,7 +164,8 @@ def _doubts(options: Namespace, found: Sequence[TraceSection], header: TraceHead
     for each in found:
         with at_height(each.z_mm):
             turn, _ = fold_turns(each.trace, header)
-            result = evaluate(turn.angle_deg, turn.deviation_um, options.filter, radius_mm=header.radius_mm)
+            upr, kind = options.filter
+            result = evaluate(turn.angle_deg, turn.deviation_um, upr, radius_mm=header.radius_mm, filter_kind=kind)
         doubts += [replace(doubt, where=f"Z {each.z_mm:g} mm") for doubt in result.warnings]
     return doubts
 
@@ -187,7 +192,8 @@ def _evaluate(options: Namespace, found: Sequence[TraceSection] | SurfacePoints)
     if isinstance(found, SurfacePoints):
         return evaluate_points(found, filter_along_mm=options.filter_along)
     sections = [part_section(each) for each in found]
-    return evaluate_cylinder(sections, filter_upr=options.filter, filter_along_mm=options.filter_along)
+    upr, kind = options.filter
+    return evaluate_cylinder(sections, filter_upr=upr, filter_along_mm=options.filter_along, filter_kind=kind)
 
 
 def _judged(
@@ -241,13 +247,18 @@ def _placements(words: str) -> tuple[Placement, ...]:
     return placements(words)
 
 
-def _filter(word: str) -> float | None:
+def _filter(word: str) -> tuple[float | None, FilterKind]:
+    """Return the cut-off and the kind of a filter: "15", "spline", "2rc:15", "none"."""
+    from profiles.metrology.profile_filters import FilterKind
+
     if word == "none":
-        return None
-    value = number_or_nan(word)
-    if not LOWEST_UPR <= value <= HIGHEST_UPR:
-        raise ArgumentTypeError(Parser.text("usage.filter", value=word))
-    return value
+        return None, FilterKind.GAUSS
+    first, colon, last = word.partition(":")
+    kind = FilterKind(first) if first in [*FilterKind] else None
+    value = number_or_nan(last if colon else DEFAULT_UPR if kind else word)
+    if not LOWEST_UPR <= value <= HIGHEST_UPR or (colon and kind is None):
+        raise ArgumentTypeError(Parser.text("usage.filter", value=word, choices=", ".join(FilterKind)))
+    return value, kind or FilterKind.GAUSS
 
 
 def _band(word: str) -> tuple[float, float]:

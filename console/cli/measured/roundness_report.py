@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 from console.cli.output import fields_of
@@ -14,6 +15,7 @@ from console.text.part_sentences import (
     LEVELLED,
     all_cause_words,
     extraction_words,
+    filter_name,
     judged_words,
     states_index,
 )
@@ -22,7 +24,7 @@ from profiles.metrology.conformity import JudgedFigure, passes_all
 from profiles.metrology.cylindricity import CylinderResult
 from profiles.metrology.harmonics import usable_factor
 from profiles.metrology.length_causes import causes_of_failure
-from profiles.metrology.points import gaussian_transmission
+from profiles.metrology.profile_filters import transmission
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult
 from profiles.trace_files.header import TraceHeader
@@ -46,6 +48,7 @@ def trace_fields(measured: EvaluatedPart) -> dict[str, object]:
         "harmonics": [{**asdict(h), "past_jaw_1_deg": measured.past_jaw_1_deg(h)} for h in result.harmonics],
         "circles": [_circle(circle) for circle in result.circles],
         "above_upr": result.above_upr,
+        "filter_kind": result.filter_kind,
         "filter_applied_upr": header.filter_upr,
         **fields_of(result, "recentred", "left_out"),
         "features": [asdict(feature) for feature in result.features],
@@ -79,6 +82,7 @@ def form_fields(whole: CylinderResult, meta: Mapping[str, str]) -> dict[str, obj
     return {
         "strategy": whole.strategy,
         "filter_upr": whole.filter_upr,
+        "filter_kind": whole.filter_kind,
         "points": whole.count,
         "index": INDEX.get(states_index(meta)) if whole.sections else None,
         "levelled": INDEX.get(LEVELLED in meta),
@@ -217,7 +221,7 @@ def filter_line(result: RoundnessResult, text: Catalogue) -> str:
     if result.filter_upr is None:
         return text("roundness.no_filter")
     above = "" if result.above_upr is None else f"{result.above_upr:g} - "
-    return f"{above}{result.filter_upr:g} UPR"
+    return f"{filter_name(result.filter_kind, text)}{above}{result.filter_upr:g} UPR"
 
 
 def state_line(result: RoundnessResult, text: Catalogue) -> str:
@@ -288,8 +292,8 @@ def _transmission_excess(result: RoundnessResult, lobes: int) -> float:
     if not above_upr <= lobes <= result.filter_upr:
         limit = f"{above_upr:g} - {result.filter_upr:g} UPR"
         raise ProfileError(Problem(code="value.out_of_range", key="--lobes", value=str(lobes), limit=limit))
-    below = float(gaussian_transmission(lobes, above_upr)) if above_upr else 0.0
-    return float(gaussian_transmission(lobes, result.filter_upr)) - below
+    passed = partial(transmission, result.filter_kind, lobes, points=result.points)
+    return float(abs(passed(result.filter_upr) - (passed(above_upr) if above_upr else 0.0)))
 
 
 def v_block_lines(fields: Mapping[str, Any], result: RoundnessResult, text: Catalogue) -> list[str]:

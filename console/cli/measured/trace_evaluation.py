@@ -68,7 +68,8 @@ def _of_circle(result: RoundnessResult, kind: str) -> RoundnessResult:
 
 
 def _evaluate_trace(turn: Trace, header: TraceHeader, job: Job | None, options: Namespace) -> RoundnessResult:
-    above_upr, filter_upr = options.band or (None, options.filter)
+    filter_upr, filter_kind = options.filter
+    above_upr, filter_upr = options.band or (None, filter_upr)
     radius_mm = header.radius_mm if job is None else header.radius_of(job)
     return evaluate(
         turn.angle_deg,
@@ -78,6 +79,7 @@ def _evaluate_trace(turn: Trace, header: TraceHeader, job: Job | None, options: 
         radius_mm=radius_mm if options.vblock is None else None,
         above_upr=above_upr,
         robust=options.robust,
+        filter_kind=filter_kind,
     )
 
 

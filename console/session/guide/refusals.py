@@ -198,6 +198,11 @@ _INSPECT: dict[str, tuple[Against, ...]] = {
         (lambda s: s.state.moving, _because("machine.moving")),
         (lambda s: not s.state.cut_done, _because("session.nothing_cut")),
     ),
+    "inspect.turned": (
+        (lambda s: not s.state.simulated, _because("gauge.turn_elsewhere")),
+        (lambda s: s.state.moving, _because("machine.moving")),
+        (lambda s: s.state.measured is None, _because("gauge.no_reading")),
+    ),
     "inspect.accept": (
         (lambda s: bool(_no_sections(s)), _no_sections),
         (is_always_due, lambda s: why_not_accepted(s.state.measured, s.work)),

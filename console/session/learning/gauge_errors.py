@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import date, timedelta
 from pathlib import Path
@@ -76,8 +76,20 @@ def without_gauge_error(trace: Trace, error: GaugeError | None) -> tuple[Trace, 
     return corrected, (Problem(code="gauge.error_off", key=error.gauge, value=words),)
 
 
+def error_drift(error: GaugeError, last: GaugeError) -> tuple[Problem, ...]:
+    """Return what to tell of a change since the last separation; nothing within the scatter of both."""
+    moved = spell_drift(error.drift_um(last))
+    return (Problem(code="gauge.error_drifted", key=error.gauge, value=moved, limit=last.date),) if moved else ()
+
+
+def spell_drift(drift_um: Mapping[int, float]) -> str:
+    """Return the change of each order in words, "" without any."""
+    return ", ".join(f"{n} UPR {um:.3f} um" for n, um in drift_um.items())
+
+
 def spell_error(error: GaugeError) -> str:
-    """Return name, date and orders, so that a reading can be had back."""
+    """Return name, date and orders, so that a reading can be had back, and where it is blind."""
     waves = (harmonic(each.upr, each.cosine_um, each.sine_um) for each in error.proven)
     words = ", ".join(f"{w.n} UPR {w.amplitude_um:.3f} um at {w.phase_deg:.1f} deg" for w in waves)
-    return f"{error.gauge} {error.date}: {words or '0 um'}"
+    blind = f" (blind at {', '.join(map(str, error.blind))} UPR)" if error.blind else ""
+    return f"{error.gauge} {error.date}: {words or '0 um'}{blind}"

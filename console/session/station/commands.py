@@ -274,6 +274,10 @@ class Measure(Command):
     """Release the part and take its roundness trace (the simulated gauge)."""
 
 
+class MeasureTurned(Command):
+    """Measure the last part again, turned on the simulated gauge, and take the error of the gauge off."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Acknowledge(Command):
     """Acknowledge the alarms that are `shown`; with none, the foremost. The next one takes its place."""

@@ -36,8 +36,10 @@ from drivers.requests.side_line import SideLine
 from drivers.simulator.plant.which_lathe import WhichLathe
 from drivers.simulator.plant.workshop_view import Truth
 from profiles.machine import MachineProfile
+from profiles.metrology.cylindricity import PartSection
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
+from profiles.traces import Trace
 
 
 class Shop(Workshop, Protocol):
@@ -111,7 +113,8 @@ class StationContext:
     trim, `faults_asked` faults for the simulated lathe, `orders` those of its instructor, for which it
     is in `training`. `parts` counts the cuts of this session that were made to their end. `side` sends what worker
     threads ask, between two polls. `pause_problem` says why an order without a date is not obeyed just now.
-    `begins` is how a simulated lathe is taken over, None at power-up.
+    `begins` is how a simulated lathe is taken over, None at power-up. `reading` is what the simulated gauge read
+    of the last part, None after a file was taken.
     """
 
     lathe: Lathe
@@ -129,6 +132,7 @@ class StationContext:
     plan: CutPlan | None = None
     expected_lag: Lag = NO_LAG
     started: ArmedCut | None = None
+    reading: tuple[Trace, tuple[PartSection, ...]] | None = None
     record: RunRecord | None = None
     seen: Callable[[Snapshot], None] | None = None
     limits_seen: frozenset[str] = frozenset()

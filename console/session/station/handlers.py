@@ -24,7 +24,7 @@ from console.session.station.context import StationContext
 from console.session.station.cutting import arm, clear_left_tables, disarm, retract, start
 from console.session.station.durations import approach_s, home_s, jog_s
 from console.session.station.gain_trial import apply_gains, revert_gains, trial_problems, verify_controller
-from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
+from console.session.station.measuring import correct_touch_off, measure_simulated, measure_turned, take_trace
 from console.session.station.state import Activity, SessionStart
 from console.session.station.targets import GO_TO, distance_to, target_problems
 from drivers.errors import ControllerError
@@ -314,6 +314,7 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.Recover: (Activity.STOPPED, recover),
     commands.TakeControl: (Activity.VERIFYING, take_control),
     commands.Measure: (Activity.MEASURING, measure),
+    commands.MeasureTurned: (Activity.MEASURING, measure_turned),
     commands.TakeTrace: (Activity.MEASURING, take_trace),
     commands.CorrectTouchOff: (Activity.READY, correct_touch_off),
     commands.AskTruth: (Activity.READY, ask_truth),

@@ -25,11 +25,12 @@ from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file, refuse_unready
+from console.session.learning.gauge_errors import error_drift, keep_error, newest_error, without_gauge_error
 from console.session.learning.learning_steps import as_cut, sections_like
 from console.session.learning.part_learning import learning_event, learning_of
 from console.session.learning.provenance import of_this_part
 from console.session.stages import Stage
-from console.session.station.commands import CorrectTouchOff, TakeTrace
+from console.session.station.commands import CorrectTouchOff, MeasureTurned, TakeTrace
 from console.session.station.context import StationContext
 from console.session.station.readings import refuse_far
 from console.session.station.state import ArmedCut, MeasuredForm, MeasuredPart
@@ -38,11 +39,13 @@ from profiles.files import printable
 from profiles.job import Job
 from profiles.lobe.cut_error import middle_mm
 from profiles.metrology.cylindricity import LEAST_SQUARES, CylinderResult, part_section
+from profiles.metrology.separation import GaugeError, Placement, separate
 from profiles.metrology.turns import mean_diameter_mm
 from profiles.problem import Problem, ProfileError
+from profiles.roundness import profile_of
 from profiles.store import LoadedJob
-from profiles.trace_files.header import header_of
-from profiles.traces import Trace
+from profiles.trace_files.header import GAUGE_ERROR, header_of
+from profiles.traces import Trace, trace_content
 
 
 def measure_simulated(context: StationContext) -> None:
@@ -50,20 +53,9 @@ def measure_simulated(context: StationContext) -> None:
     started = context.started
     if context.shop is None or started is None:
         raise SessionError(Problem(code="session.no_gauge"))
-    trace = context.shop.measure()
-    sha256 = hashlib.sha256(trace.deviation_um.tobytes()).hexdigest()
-    header, _ = header_of(trace.meta)
-    sections = context.shop.sections()
-    found = EvaluatedPart(
-        trace=trace,
-        header=header,
-        turn=trace,
-        job=started.job,
-        judged=roundness_of(trace),
-        sections=sections_like(trace, sections),
-    )
-    part = _judge_part(context, _just_cut(context, started), started.loaded, found, (GAUGE, sha256))
-    part = replace(part, whole=measured_whole(sections), sections=sections, section_z_mm=middle_mm(started.job))
+    context.reading = context.shop.measure(), context.shop.sections()
+    error = newest_error(context.records, _gauge_of(context))
+    part, trace = _judge_reading(context, started, _just_cut(context, started), error)
     run_id = None if context.record is None else context.record.run_id
     part = replace(part, run_id=run_id)
     if context.record is not None:
@@ -73,7 +65,73 @@ def measure_simulated(context: StationContext) -> None:
     _publish(context, part)
 
 
+def measure_turned(context: StationContext, _: MeasureTurned) -> None:
+    """Measure the last part turned by 90 deg on the simulated gauge, and judge it without the gauge's error.
+
+    The error is kept as the gauge's own; the part is recorded again in its run.
+
+    Raises:
+        SessionError: `session.no_gauge`; `gauge.no_reading`, the last part was not measured on it.
+        ProfileError: as `separate` and `keep_error`.
+    """
+    started, before, reading = context.started, context.state.measured, context.reading
+    if context.shop is None:
+        raise SessionError(Problem(code="session.no_gauge"))
+    if started is None or before is None or reading is None:
+        raise SessionError(Problem(code="gauge.no_reading"))
+    traces = reading[0], context.shop.measure(turned_deg=TURNED_DEG)
+    radius_mm = started.job.finished_radius_mm
+    centred = [profile_of(each.angle_deg, each.deviation_um, None, radius_mm=radius_mm) for each in traces]
+    found = separate(centred, (Placement(turned_deg=0.0), Placement(turned_deg=TURNED_DEG)))
+    gauge, contents = _gauge_of(context), [(GAUGE, trace_content(each)) for each in traces]
+    last = newest_error(context.records, gauge)
+    _kept, error = keep_error(context.records, gauge, found, contents)
+    cut = replace(_just_cut(context, started), run_id=before.run_id)
+    part, trace = _judge_reading(context, started, cut, error, () if last is None else error_drift(error, last))
+    part = replace(part, marks_mm=before.marks_mm)
+    if part.run_id is not None:
+        add_to_run(context.records, part.run_id, "measured", _event(part), _part_to_record(part, trace))
+    _publish(context, part)
+
+
+def _gauge_of(context: StationContext) -> str:
+    """Return the name of the simulated gauge: each simulated lathe has one of its own."""
+    return GAUGE if context.shop is None else f"{GAUGE} of {context.shop.which}"
+
+
+def _judge_reading(
+    context: StationContext,
+    started: ArmedCut,
+    cut: CutPart,
+    error: GaugeError | None,
+    told: tuple[Problem, ...] = (),
+) -> tuple[MeasuredPart, Trace]:
+    """Return the part on the simulated gauge without the error of that, and the trace by which it is judged."""
+    assert context.reading is not None
+    trace, off = without_gauge_error(context.reading[0], error)
+    sections = context.reading[1]
+    if error is not None and GAUGE_ERROR in trace.meta:
+        sections = tuple(
+            replace(each, deviation_um=each.deviation_um - error.at_um(each.angle_deg)) for each in sections
+        )
+    header, _ = header_of(trace.meta)
+    found = EvaluatedPart(
+        trace=trace,
+        header=header,
+        turn=trace,
+        job=started.job,
+        judged=roundness_of(trace),
+        warnings=(*off, *told),
+        sections=sections_like(trace, sections),
+    )
+    sha256 = hashlib.sha256(trace.deviation_um.tobytes()).hexdigest()
+    part = _judge_part(context, cut, started.loaded, found, (GAUGE, sha256))
+    part = replace(part, whole=measured_whole(sections), sections=sections, section_z_mm=middle_mm(started.job))
+    return part, trace
+
+
 GAUGE = "simulated gauge"
+TURNED_DEG = 90.0  # of the second placement
 
 MOST_OFFSET_UM = 200.0
 """More than that is no drift of a tool: the touch-off has to be made again."""
@@ -107,6 +165,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
         _take_form(context, command, cut, job, found)
         return
     part = _judge_part(context, cut, loaded, found, (found.name, found.sha256))
+    context.reading = None
     measured = {**_event(part), **_file_event(found), **command.answers}
     asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(job), SECTION: found.place}
     kept = _part_to_record(part, found.trace, (found.name, found.content), asked)

@@ -11,7 +11,7 @@ from console.session.guide.refusals import LOOKS, find_refusals
 from console.session.guide.rows import INSPECT, row_of
 from console.session.guide.situation import Situation
 from console.session.learning.calibrating import PartLobe
-from console.session.station.commands import CorrectTouchOff, Measure
+from console.session.station.commands import CorrectTouchOff, Measure, MeasureTurned
 from console.session.station.state import MeasuredPart, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
@@ -167,6 +167,7 @@ class InspectPage(ChartPage):
         post = self.ui.control.post
         does: dict[str, Callable[[], object]] = {
             "inspect.measure": lambda: post(Measure()),  # the station refuses for the same reasons
+            "inspect.turned": lambda: post(MeasureTurned()),
             "inspect.offset": lambda: post(CorrectTouchOff()),
             "inspect.import": self._chooser.open,
             "inspect.export": self._export,
