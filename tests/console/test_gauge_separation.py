@@ -89,6 +89,11 @@ def test_words_name_the_orders_the_cost_of_turning_and_the_drift_of_a_kept_error
     assert "changed since the last separation: 2 UPR 0.400 um" in again.out
     same = console("roundness", *worn, "--separate", "0,90", "--save-gauge-error", "bench", "--json")
     assert same.json["separation"]["drift"] == []
+    later = console("roundness", worn[1], "--gauge-error", "bench", "--json")
+    assert later.json["RONt_um"] == pytest.approx(2.0, abs=0.01)
+    assert "bench" in later.json["warnings"][0] and "2 UPR 3.400 um at 110.0 deg" in later.json["warnings"][0]
+    unknown = console("roundness", worn[1], "--gauge-error", "other")
+    assert unknown.code == 1 and "--save-gauge-error other" in unknown.err
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.roundness import evaluate, profile_of
 from profiles.trace_files.header import header_of
 from profiles.trace_files.sections import SurfacePoints, TraceSection, parse_surface
-from profiles.traces import read_trace_file
+from profiles.traces import Trace, read_trace_file
 
 LARGEST_DEG = 360.0
 NO_NAME = "gauge"  # in the trace, where its error is not kept
@@ -93,6 +93,25 @@ def separate_files(options: Namespace) -> SeparatedFiles:
         kept=kept,
         drift_um=drift_um,
     )
+
+
+def take_error_off(
+    options: Namespace, found: tuple[TraceSection, ...] | SurfacePoints
+) -> tuple[tuple[TraceSection, ...] | SurfacePoints, tuple[Problem, ...]]:
+    """Return readings without the kept error of the gauge `--gauge-error`, and what is to be told of that.
+
+    Raises ProfileError: `gauge.error_unknown`, none is kept; as `newest_error`.
+    """
+    name = options.gauge_error
+    if (error := newest_error(data_of(options), name)) is None:
+        raise ProfileError(Problem(code="gauge.error_unknown", key=printable(name)))
+    if isinstance(found, SurfacePoints):
+        points = Trace(angle_deg=found.angle_deg, deviation_um=found.deviation_um, meta=found.meta)
+        trace, off = without_gauge_error(points, error)
+        return replace(found, deviation_um=trace.deviation_um, meta=trace.meta), off
+    each = [without_gauge_error(section.trace, error) for section in found]
+    sections = [replace(section, trace=trace) for section, (trace, _) in zip(found, each, strict=True)]
+    return tuple(sections), each[0][1]
 
 
 def separation_fields(apart: SeparatedFiles) -> dict[str, object]:

@@ -51,6 +51,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--lobes", metavar="N", type=whole_number, help=text("help.lobes"))
     parser.add_argument("--job", metavar="JOB", help=text("help.roundness_job"))
     parser.add_argument("--separate", metavar="DEG,DEG", type=_placements, help=text("help.separate"))
+    parser.add_argument("--gauge-error", metavar="NAME", help=text("help.gauge_error"))
     parser.add_argument("--save-gauge-error", metavar="NAME", help=text("help.save_gauge_error"))
     add_fail_out_of_tolerance(parser, text)
 
@@ -58,7 +59,12 @@ def add(parser: Parser, text: Catalogue) -> None:
 def main(options: Namespace, text: Catalogue) -> int:
     """Evaluate a trace and print its roundness; warnings go to stderr."""
     from console.cli.library import naming
-    from console.cli.measured.gauge_separation import separate_files, separation_fields, separation_lines
+    from console.cli.measured.gauge_separation import (
+        separate_files,
+        separation_fields,
+        separation_lines,
+        take_error_off,
+    )
     from console.cli.measured.roundness_report import (
         judged_rows,
         roundness_lines,
@@ -83,18 +89,23 @@ def main(options: Namespace, text: Catalogue) -> int:
         print(f"console roundness: {text('usage.error_without_separate')}", file=sys.stderr)
         return WRONG_USAGE
     apart = None if options.separate is None else separate_files(options)
-    sections = (
-        read_surface([Path(file) for file in (options.file, *options.others)]) if apart is None else (apart.first,)
-    )
+    off: tuple[Problem, ...] = ()
+    if apart is None:
+        sections = read_surface([Path(file) for file in (options.file, *options.others)])
+        if options.gauge_error is not None:
+            sections, off = take_error_off(options, sections)
+    else:
+        sections = (apart.first,)
+    told = tell(off, text)
     if isinstance(sections, SurfacePoints) or len(sections) > 1:
-        return _whole(options, sections, text)
+        return _whole(options, sections, text, told)
     if options.filter_along is not None:
         with naming(printable(options.file)):
             raise refusal_error(
                 "trace.few_sections", key="--filter-along", value="1", limit=f">= {LEAST_SECTIONS}"
             )
     measured = evaluate_trace_file(options, sections[0].trace)
-    warnings = tell(measured.result.warnings, text)
+    warnings = [*told, *tell(measured.result.warnings, text)]
     if options.vblock is not None:
         with naming(printable(options.file)):
             fields = v_block_fields(measured.result, options.vblock, options.lobes, measured.header)
@@ -113,7 +124,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     return OUT_OF_TOLERANCE if options.fail_out_of_tolerance and passes_all(judged) is False else 0
 
 
-def _whole(options: Namespace, found: Sequence[TraceSection] | SurfacePoints, text: Catalogue) -> int:
+def _whole(
+    options: Namespace, found: Sequence[TraceSection] | SurfacePoints, text: Catalogue, told: Sequence[str]
+) -> int:
     """Print the form over the length of a part that was measured in several sections, or in points."""
     from console.cli.library import naming
     from console.cli.measured.roundness_report import form_fields, form_lines
@@ -146,7 +159,7 @@ def _whole(options: Namespace, found: Sequence[TraceSection] | SurfacePoints, te
         first, heights = whole.sections[0], [each.z_mm for each in whole.sections]
         judged = _judged(options, header, first.z_mm, first.ront_um, first.mean_um, whole, heights)
     fields = {"files": [options.file, *options.others], **form_fields(whole, meta), **judged_fields(judged)}
-    fields["warnings"] = warnings
+    fields["warnings"] = [*told, *warnings]
     show(options, lambda: fields, lambda: form_lines(whole, meta, judged, text))
     if options.fail_out_of_tolerance and passes_all(judged) is False:
         return OUT_OF_TOLERANCE

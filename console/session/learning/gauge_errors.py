@@ -73,7 +73,9 @@ def without_gauge_error(trace: Trace, error: GaugeError | None) -> tuple[Trace, 
         deviation_um=read_only(trace.deviation_um - error.at_um(trace.angle_deg)),
         meta=MappingProxyType({**trace.meta, GAUGE_ERROR: words}),
     )
-    return corrected, (Problem(code="gauge.error_off", key=error.gauge, value=words),)
+    return corrected, (
+        Problem(code="gauge.error_off", key=error.gauge, value=words.removeprefix(f"{error.gauge} ")),
+    )
 
 
 def error_drift(error: GaugeError, last: GaugeError) -> tuple[Problem, ...]:
