@@ -92,6 +92,13 @@ def test_words_name_the_orders_the_cost_of_turning_and_the_drift_of_a_kept_error
     later = console("roundness", worn[1], "--gauge-error", "bench", "--json")
     assert later.json["RONt_um"] == pytest.approx(2.0, abs=0.01)
     assert "bench" in later.json["warnings"][0] and "2 UPR 3.400 um at 110.0 deg" in later.json["warnings"][0]
+    (newest,) = tmp_path.rglob("gauge-error-000003.json")
+    newest.write_text(newest.read_text().replace(same.json["separation"]["valid_until"], "2020-02-29"))
+    expired = console("roundness", worn[1], "--gauge-error", "bench", "--json").json
+    assert expired["RONt_um"] > 7.0 and "2020-02-29" in expired["warnings"][0]
+    newest.write_text(newest.read_text().replace("2020-02-29", "29 Feb 2020"))
+    damaged = console("roundness", worn[1], "--gauge-error", "bench")
+    assert damaged.code == 1 and newest.name in damaged.err and damaged.err.count("\n") == 1
     unknown = console("roundness", worn[1], "--gauge-error", "other")
     assert unknown.code == 1 and "--save-gauge-error other" in unknown.err
 

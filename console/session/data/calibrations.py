@@ -37,10 +37,10 @@ _NUMBER = re.compile(r"-(\d{6})\.json")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """One calibration: `subject` is the machine or the job with the hash of its file.
+    """One calibration: `subject` is the machine or the job with the hash of its file, or a gauge, which has none.
 
-    `kind` is "wrench", "deflection" or "lobe", `date` UTC after ISO 8601, `file` the measurement with its hash,
-    `found` the fitted numbers by name. `chuck` is the name of its chuck, None where it was not kept.
+    `kind` is "wrench", "deflection", "lobe" or "gauge-error", `date` UTC after ISO 8601, `file` the measurement
+    with its hash, `found` the fitted numbers by name. `chuck` is its chuck by name, None if not kept.
     """
 
     kind: str

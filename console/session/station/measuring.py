@@ -96,7 +96,7 @@ def measure_turned(context: StationContext, _: MeasureTurned) -> None:
 
 def _gauge_of(context: StationContext) -> str:
     """Return the name of the simulated gauge: each simulated lathe has one of its own."""
-    return GAUGE if context.shop is None else f"{GAUGE} of {context.shop.which}"
+    return GAUGE if context.shop is None else f"simulated-gauge {context.shop.which}"
 
 
 def _judge_reading(
