@@ -91,6 +91,30 @@ def add_fail_out_of_tolerance(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--fail-out-of-tolerance", action="store_true", help=text("help.fail_out_of_tolerance"))
 
 
+def add_identity(parser: Parser, text: Catalogue) -> None:
+    """Add what the certificate calls the part; absent is None, "" is not stated."""
+    from console.session.part_identity import KEYS
+
+    for key in KEYS:
+        metavar = "C" if key.endswith("_c") else "TEXT"
+        parser.add_argument(f"--{key.replace('_', '-')}", metavar=metavar, help=text(f"help.identity.{key}"))
+
+
+def stated_identity(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the fields of `PartIdentity` that are stated; ProfileError as `identity_values`, by their options."""
+    from dataclasses import replace
+
+    from console.session.part_identity import KEYS, identity_values
+    from profiles.problem import ProfileError
+
+    given = {key: value for key in KEYS if (value := getattr(options, key)) is not None}
+    try:
+        return identity_values(given)
+    except ProfileError as refused:
+        problems = (replace(each, key=f"--{each.key.replace('_', '-')}") for each in refused.problems)
+        raise ProfileError(*problems) from refused
+
+
 def add_job(parser: Parser, text: Catalogue) -> None:
     """Add the job as the first argument, and the machine."""
     parser.add_argument("job", metavar="JOB", help=text("help.job"))

@@ -52,10 +52,10 @@ def paragraph(*children: str | None, **attributes: Attribute) -> Markup:
     return element("p", *children, **attributes)
 
 
-def facts_table(caption: str, rows: Sequence[tuple[str, str]]) -> Markup:
+def facts_table(caption: str, rows: Sequence[tuple[str, str]], style: str = "") -> Markup:
     """Return a table of facts: a name and a value in each row."""
     body = (element("tr", element("th", name, scope="row"), element("td", value)) for name, value in rows)
-    return element("table", element("caption", caption), element("tbody", *body), class_="facts")
+    return element("table", element("caption", caption), element("tbody", *body), class_=f"facts {style}".rstrip())
 
 
 def table(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from console.report.drawing import (
 from console.report.markup import Markup, element, list_of, paragraph, section, table
 from console.report.quantities import NOTHING, exact, mm, number, um
 from console.report.verdict import SIGNS, Judgement
-from console.session.data.measured_part import RecordedPart
+from console.session.data.measured_part import SECTION_Z, RecordedPart
 from console.session.learning.evaluated_part import EvaluatedPart
 from console.session.learning.opened_run import OpenedRun
 from console.text.along_length import form_words, section_rows
@@ -39,8 +39,10 @@ from profiles.arrays import Floats
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
 from profiles.metrology.circles import CIRCLES
-from profiles.metrology.conformity import ToleranceKind
+from profiles.metrology.conformity import JudgedFigure, ToleranceKind
+from profiles.metrology.unrolled import TURN_DEG, unroll_kept
 from profiles.roundness import RoundnessResult
+from profiles.strict_values import number_or_none
 
 _TURN_DEG = np.arange(0.0, 360.0, 0.5)
 
@@ -184,25 +186,42 @@ def _jaws(jaw_1_deg: float, jaws: int, word: str) -> list[Markup]:
     return drawn
 
 
+def plot_judged_section(run: OpenedRun, text: Catalogue) -> Markup | None:
+    """Return the section by which the roundness of the product is judged, with its zone; None without a trace."""
+    part, found = run.product, run.evaluated(run.product)
+    if part is None or found is None:
+        return None
+    judged = part.figure(ToleranceKind.ROUNDNESS)
+    z_mm = judged_z_mm(part, judged)
+    mine, jaw_1_deg = _plotted_profile(found), found.jaw_1_deg
+    kept = unroll_kept(part.data)
+    if judged is not None and judged.z_mm is not None and kept is not None and judged.z_mm in kept.z_mm:
+        place = int(np.flatnonzero(kept.z_mm == judged.z_mm)[0])
+        mine = Profile(angle_deg=TURN_DEG, deviation_um=kept.round_um[place], bold=True)
+        spindle_deg = number_or_none(part.data.get("jaw_1_deg", run.story.setup.get("jaw_1_deg")))
+        jaw_1_deg = spindle_deg if found.header.phase_known else None
+    marks = replace(_marks(run, part, mine), jaw_1_deg=jaw_1_deg)
+    return _plot("judged", [mine], marks, text, text("report.plot_judged", at=place_words(z_mm, text)))
+
+
+def judged_z_mm(part: RecordedPart, judged: JudgedFigure | None) -> float | None:
+    """Return the height of the section of a figure; without several that of the one that was measured."""
+    known = None if judged is None else judged.z_mm
+    return number_or_none(part.data.get(SECTION_Z)) if known is None else known
+
+
 def _plots(run: OpenedRun, text: Catalogue) -> Markup | None:
-    """Return both parts on one scale, and the product alone on its own."""
+    """Return the part before compensation, with the product on one scale; the first page has that alone."""
     product = run.evaluated(run.product)
     before, measured_before = _uncompensated_profile(run)
-    if product is None:
-        if before is None or not measured_before:
-            return None
-        alone = before
-        return _plot("before", [alone], _marks(run, run.before, None), text, text("report.plot_before_only"))
-    mine = _plotted_profile(product)
-    marks = _marks(run, run.product, mine)
-    magnified = _plot("alone", [mine], marks, text, text("report.plot_alone"))
     if before is None:
-        return magnified
+        return None
+    if product is None:
+        said = text("report.plot_before_only")
+        return _plot("before", [before], _marks(run, run.before, None), text, said) if measured_before else None
+    mine = _plotted_profile(product)
     key = "report.plot_both" if measured_before else "report.plot_stated"
-    both = _plot("both", [before, mine], marks, text, text(key))
-    if division_um([before, mine], marks) == division_um([mine], marks):
-        return both
-    return element("div", both, magnified, class_="pair")
+    return _plot("both", [before, mine], _marks(run, run.product, mine), text, text(key))
 
 
 def _plot(name: str, profiles: list[Profile], marks: Marks, text: Catalogue, what: str) -> Markup:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from console.report.certificate import write_certificate
 from console.report.course_section import write_course
 from console.report.history_sections import write_chart, write_debrief, write_learning
-from console.report.markup import Markup, element, facts_table, list_of, paragraph
+from console.report.markup import Markup, element
 from console.report.measured_section import write_measurement
-from console.report.quantities import date_in, exact
+from console.report.quantities import date_in
 from console.report.record_sections import (
-    list_gaps,
     write_gaps,
     write_program,
     write_provenance,
@@ -16,7 +16,6 @@ from console.report.record_sections import (
     write_sent,
     write_setup,
 )
-from console.report.verdict import SIGNS, judge_run
 from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 
@@ -65,6 +64,34 @@ figure.round svg { max-width: 340px; }
 figcaption { font-size: 13px; color: #4a4a4a; }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(260px, 1fr)); gap: 0 16px;
   break-inside: avoid; }
+#certificate { break-after: page; font-size: 13px; line-height: 1.35; }
+#certificate h1 { font-size: 20px; margin: 0 0 2px; }
+#certificate table { margin: 4px 0; }
+#certificate caption { padding: 0; }
+#certificate th, #certificate td { padding-top: 1px; padding-bottom: 1px; }
+#certificate .verdict { margin: 6px 0; padding: 2px 12px; }
+#certificate .verdict strong { font-size: 18px; }
+#certificate .verdict p { margin: 2px 0; }
+#certificate .facts th { width: 25%; }
+#certificate .hashes th { width: 20%; }
+#certificate .figures { table-layout: auto; }
+#certificate .figures td, #certificate .figures th { vertical-align: middle; overflow-wrap: normal; }
+#certificate .figures tbody th, #certificate .figures tbody td:nth-child(2) { white-space: nowrap; }
+#certificate .pair { align-items: start; }
+.shown { display: grid; grid-template: auto 1fr / 60mm 1fr; gap: 0 4mm; align-items: start;
+  break-inside: avoid; }
+.shown figure { display: contents; }
+.shown figure svg { grid-row: 1 / 3; width: 60mm; margin: 2px 0; }
+.shown table, .shown figcaption { grid-column: 2; }
+.shown figcaption { font-size: 11px; }
+#certificate .signatures { break-inside: avoid; }
+.signatures caption { font-size: 0; }
+.gps svg { width: 1.4em; height: 1.4em; vertical-align: -0.3em; }
+.frame { display: inline-block; border: 1.5px solid #1a1a1a; white-space: nowrap; line-height: 1.5; }
+.frame .gps { border-right: 1.5px solid #1a1a1a; padding: 0 3px; }
+.frame b { padding: 0 5px; }
+#certificate .signatures tbody td, #certificate .signatures tbody th { height: 7mm; vertical-align: bottom; }
+.signatures tbody td { border-left: 1px solid #c9c9c9; padding-left: 6px; }
 summary { cursor: pointer; margin: 6px 0; break-after: avoid; }
 pre { font: 11px/1.35 "DejaVu Sans Mono", Menlo, Consolas, "Noto Sans Mono CJK KR", monospace; margin: 6px 0;
   white-space: pre-wrap; overflow-wrap: anywhere; }
@@ -79,6 +106,8 @@ pre { font: 11px/1.35 "DejaVu Sans Mono", Menlo, Consolas, "Noto Sans Mono CJK K
   figure svg { max-width: 130mm; }
   figure.round svg { max-width: 88mm; }
   .pair { grid-template-columns: 1fr 1fr; }
+  #certificate { font-size: 8.5pt; line-height: 1.3; }
+  .shown figcaption { font-size: 7.5pt; }
   pre { font-size: 7.5pt; }
   details::details-content { content-visibility: visible; display: block; block-size: auto; }
   summary { list-style: none; }
@@ -101,7 +130,8 @@ def write_report(run: OpenedRun, text: Catalogue) -> str:
         element("style", Markup(STYLE)),
     )
     sections = (
-        _head(run, text),
+        write_certificate(run, text),
+        element("h1", text("report.certificate.process")),
         write_request(run, text),
         write_setup(run, text),
         write_sent(run, text),
@@ -134,40 +164,3 @@ def _running(run: OpenedRun, text: Catalogue) -> Markup:
         text("report.run_short", run=row.run_id[:SHORT_ID]),
     )
     return element("div", banner, *(element("span", each) for each in names), class_="running")
-
-
-def _head(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return job, part, machine, operator, date and run, and the verdict."""
-    row = run.story.row
-    rows = [
-        (text("fact.job"), row.job),
-        (text("part.part"), _part(run, text)),
-        (text("fact.machine"), row.machine),
-        (text("fact.operator"), row.operator or text("report.not_recorded")),
-        (text("report.started"), date_in(run.zone, row.started)),
-        (text("fact.run_id.report"), row.run_id),
-    ]
-    found = judge_run(run, text)
-    sign = f"{SIGNS[found.judgement]} {text(f'report.verdict.{found.judgement}')}"
-    gaps = list(list_gaps(run, text))
-    return element(
-        "header",
-        element("h1", text("report.heading")),
-        element(
-            "div",
-            paragraph(element("strong", sign)),
-            list_of(found.reasons) if found.reasons else None,
-            paragraph(text("report.simulated_long")) if row.simulated else None,
-            class_=f"verdict {found.judgement}",
-        ),
-        facts_table(text("report.who"), rows),
-        paragraph(element("strong", text("report.gaps", count=len(gaps)))) if gaps else None,
-    )
-
-
-def _part(run: OpenedRun, text: Catalogue) -> str:
-    job = run.job
-    if job is None:
-        return text("report.not_recorded")
-    facts = {"diameter": exact(job.diameter_mm), "wall": exact(job.wall_thickness_mm), "jaws": job.jaws}
-    return text("report.part_words", material=job.material, **facts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
 from datetime import datetime
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from console.session.data.run_facts import RunFact
     from console.session.data.run_rows import RunEnding
     from console.session.data.run_story import AlarmStory, RunEvent, RunStory
+    from console.session.part_identity import PartIdentity
 
 COMMANDS = {each.__name__: each.logged for each in Command.__subclasses__()}
 """Every command by its name, and whether it is an order of the operator."""
@@ -152,6 +154,19 @@ def fact_words(fact: RunFact, text: Catalogue, layout: Layout) -> str:
         at = printable(fact.at, 20)
         shown = text("report.taken_at", value=shown, at=at) if layout is Layout.REPORT else f"{shown} ({at})"
     return " · ".join(filter(None, (shown, *(text(each) for each in fact.notes))))
+
+
+def identity_rows(identity: PartIdentity, text: Catalogue) -> list[tuple[str, str]]:
+    """Return name and value of what is stated of a part."""
+    stated = ((key, value) for key, value in asdict(identity).items() if value not in ("", None))
+    return [
+        (text(f"identity.{key}"), value if isinstance(value, str) else f"{value:g} °C") for key, value in stated
+    ]
+
+
+def identity_words(identity: PartIdentity, text: Catalogue) -> str:
+    """Return what is stated of a part on one line."""
+    return " · ".join(f"{name} {value}" for name, value in identity_rows(identity, text))
 
 
 def timed_words(story: RunStory, text: Catalogue) -> dict[str, list[tuple[str, str]]]:

@@ -11,6 +11,7 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
+from console.cli.arguments import stated_identity
 from console.cli.judgement import force_line, span_fields
 from console.cli.library import data_of
 from console.cli.machine.run_request import RunRequest
@@ -37,6 +38,7 @@ from console.session.learning.learning import learn
 from console.session.learning.learning_beside import TRIM_LIMIT_UM
 from console.session.learning.row_result import LearnedPart, LearnResult
 from console.session.operator import operator_name
+from console.session.part_identity import PartIdentity
 from console.session.signals import Interruption
 from console.session.stages import Stage
 from console.session.station.actions import stopped_by
@@ -54,7 +56,7 @@ from console.text import part_sentences
 from console.text.along_length import form_words, stretch_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from console.text.recorded_words import plain_cut_words
+from console.text.recorded_words import identity_words, plain_cut_words
 from drivers.clock import boot_s
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.tracing import Tracing
@@ -285,7 +287,7 @@ def cut_requested(
     data = data_of(options)
     record = begin_record(
         data,
-        _facts(request, warnings),
+        _facts(request, warnings, stated_identity(options)),
         request.machine,
         request.plan.cut,
         simulated=request.simulated,
@@ -294,7 +296,7 @@ def cut_requested(
         timeout_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
         now_s=boot_s if request.address is not None else lambda: 0.0,  # until there is a simulated machine
     )
-    tell_cut_with(options, request, text)
+    tell_cut_with(options, request, text, record.identity)
     kept = LogRecorder(record.log, partial(_keep_part, record, request))
     recorder = FollowedRun(_feed_run(request, record), kept, RunAlarms(record.log.event))
     feed = FeedServer(data, recorder.observe_state)
@@ -366,8 +368,10 @@ def _teller(
     return tell
 
 
-def tell_cut_with(options: Namespace, request: RunRequest, text: Catalogue) -> None:
-    """Print, for people, the lines before the steps: the stage, the compensation, the force.
+def tell_cut_with(
+    options: Namespace, request: RunRequest, text: Catalogue, identity: PartIdentity | None = None
+) -> None:
+    """Print, for people, the lines before the steps: the stage, the compensation, the force, what the part is.
 
     On a real machine, the operator has read the force before giving consent.
     """
@@ -383,6 +387,8 @@ def tell_cut_with(options: Namespace, request: RunRequest, text: Catalogue) -> N
         lines.append(lathe_line(request.lathe_parts, text))
     if request.fingerprint is not None:
         lines.append(part_sentences.fingerprint_line(request.fingerprint, text))
+    if identity is not None:
+        lines.append(text("identity.told", words=identity_words(identity, text)))
     # In one piece: a reader that closes after the first line is noticed at the first step, which stops the cut.
     print("".join(f"{text('sim')}  {line}\n" if request.simulated else f"{line}\n" for line in lines), end="")
 
@@ -408,7 +414,7 @@ def _describe_plan(request: RunRequest) -> dict[str, str]:
     return made.header()
 
 
-def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
+def _facts(request: RunRequest, warnings: list[str], identity: Mapping[str, object]) -> RunFacts:
     """Return what the run rests on: without a touch-off, the radius and the angle of the files."""
     plan, machine = request.plan, request.machine
     return RunFacts(
@@ -430,6 +436,7 @@ def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
             "address": "" if request.address is None else str(request.address),
             "warnings": warnings,
         },
+        identity=identity,
     )
 
 

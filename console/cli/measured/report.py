@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from console.cli.arguments import add_identity, stated_identity
 from console.cli.parser import Parser
 from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
@@ -28,21 +29,26 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("run", metavar="RUN", nargs="?", help=text("help.report.run"))
     parser.add_argument("--output", metavar="FILE.html", help=text("help.report.output"))
     parser.add_argument("--overwrite", action="store_true", help=text("help.report.overwrite"))
+    add_identity(parser, text)
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Write the report of a run and print where it is."""
+    """Keep what is stated of the part, write the report of its run and print where it is."""
     from console.cli.library import data_of
     from console.cli.output import show
     from console.report.page import write_report
     from console.report.quantities import date_in
     from console.report.verdict import judge_run
+    from console.session.data.records import identify_part
     from console.session.data.run_reader import story
     from console.session.learning.opened_run import open_for_report
     from console.session.learning.run_debrief import run_debrief
 
-    data = data_of(options)
+    data, stated = data_of(options), stated_identity(options)
     found = story(data, options.run or _newest(data))
+    if stated:
+        identify_part(data, found, stated)
+        found = story(data, found.row.run_id)
     row = found.row
     run = open_for_report(found, _points(data, row), debrief=run_debrief(found, data))
     path = Path(options.output or f"{_stem(row.job)}-{row.started.astimezone():%Y-%m-%d-%H%M%S}.html")

@@ -17,12 +17,13 @@ import uuid
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from console.session.data.kept_files import utc_now
-from console.session.data.measured_part import PART_COLUMNS, RecordedPart
+from console.session.data.measured_part import AIR, PART_COLUMNS, RecordedPart
 from console.session.data.record_file import (
     FILE_NAME,
     is_damage,
@@ -34,10 +35,11 @@ from console.session.data.record_file import (
 )
 from console.session.data.record_schema import MAY_LACK_ROUNDNESS
 from console.session.data.run_log import CLOSE_TIMEOUT_S, RunLog, event_json, event_statement
-from console.session.data.run_story import MACHINE_S
+from console.session.data.run_story import MACHINE_S, RunStory
 from console.session.data.version_control import VERSIONED, cut_from, is_clone
 from console.session.errors import SessionError
 from console.session.operator import operator_name
+from console.session.part_identity import IDENTIFIED, PartIdentity, identity_of, next_identity, products_of
 from drivers.clock import boot_s
 from drivers.cutting.planning import CutPlan
 from profiles.files import made_locked, make_private_folder, printable, taken_if_left
@@ -66,7 +68,8 @@ class RunFacts:
 
     `job_path` is that file, None for a job that was edited and not saved. `compensation` is the learned version,
     None the model's. `controller` is kind and version as the controller
-    reports them, None before it was asked. `setup` has the forces and the alignment.
+    reports them, None before it was asked. `setup` has the forces and the alignment. `identity` are the fields of
+    `PartIdentity` that were stated for this run; the others are those of the part before.
     """
 
     job: Job
@@ -77,6 +80,7 @@ class RunFacts:
     controller: str | None = None
     job_path: Path | None = None
     setup: Mapping[str, object] = field(default_factory=dict)
+    identity: Mapping[str, Any] = field(default_factory=dict)
 
 
 def begin_record(
@@ -95,6 +99,7 @@ def begin_record(
     Raises SessionError: `record.no_space`; as `RunRecord`.
     """
     refuse_full(folder)
+    identity = _identity_of(folder, facts, simulated=simulated)
     described = {
         "software": f"trilobe {version('trilobe')}",
         "job": facts.job.name,
@@ -122,7 +127,22 @@ def begin_record(
     if is_clone(folder):
         texts = {"job": (facts.job_path, facts.job_text), "machine": (machine.path, machine.text)}
         record.log.event_of(VERSIONED, lambda: cut_from(folder, texts))
+    if identity is not None:
+        record.identity = identity
+        record.log.event(IDENTIFIED, identity.event())
     return record
+
+
+def _identity_of(folder: Path, facts: RunFacts, *, simulated: bool) -> PartIdentity | None:
+    """Return the identity of the part that a run cuts; None if none is stated. An air cut is of no next part."""
+    if facts.stage == AIR and not facts.identity:
+        return None
+    try:
+        found = next_identity(folder, facts.job.name, simulated=simulated)
+    except sqlite3.Error as error:
+        code = "record.damaged" if is_damage(error) else "record.unreadable"
+        raise record_error(code, folder / FILE_NAME, error) from error
+    return replace(found or PartIdentity(), **facts.identity) if facts.identity else found
 
 
 def refuse_full(folder: Path) -> None:
@@ -164,6 +184,7 @@ class RunRecord:
         """
         self._path = folder / FILE_NAME
         self.run_id = uuid.uuid4().hex
+        self.identity: PartIdentity | None = None
         self._timeout_s = timeout_s
         waits_s = PATIENCE_S if run.get("simulated") else CLOSE_TIMEOUT_S
         self.log = RunLog(folder, self.run_id, waits_s=waits_s, now_s=now_s)
@@ -264,6 +285,14 @@ def add_to_run(
             retrying(lambda: transaction(database, statements), until_s)
         except sqlite3.Error as error:
             raise record_error("record.unwritable", folder / FILE_NAME, error) from error
+
+
+def identify_part(folder: Path, story: RunStory, values: Mapping[str, Any]) -> None:
+    """Keep what is stated of the last product of a run that has ended; the other fields stay. As `add_to_run`."""
+    identity = identity_of(story, values)
+    assert identity is not None
+    event = {**identity.event(products_of(story)), "by": operator_name()}
+    add_to_run(folder, story.row.run_id, IDENTIFIED, event)
 
 
 def _reserve_room(folder: Path) -> int:

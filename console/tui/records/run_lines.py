@@ -6,6 +6,7 @@ from console.session.data.measured_part import RecordedPart
 from console.session.data.run_facts import FactKind, origin_facts, setup_facts
 from console.session.data.run_rows import RunOutcome, RunRow, recorded_problems
 from console.session.learning.opened_run import JobNow, OpenedRun
+from console.session.part_identity import identity_of
 from console.text.along_length import form_words, ront_words, section_rows, stretch_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -15,6 +16,7 @@ from console.text.recorded_words import (
     ending_words,
     fact_rows,
     fact_words,
+    identity_rows,
     local,
     problem_words,
     timed_words,
@@ -158,7 +160,9 @@ def jaw_harmonics(part: RecordedPart, run: OpenedRun) -> list[tuple[int, float]]
 
 
 def _setup_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    rows = fact_rows(setup_facts(run.story), text, Layout.PAGE)
+    identity = identity_of(run.story)
+    rows = [] if identity is None else identity_rows(identity, text)
+    rows += fact_rows(setup_facts(run.story), text, Layout.PAGE)
     lines = [_fact(name, value, width) for name, value in rows]
     if run.story.setup.get("aligned") is False:
         lines += wrap_line(text("records_page.not_aligned"), width, Token.DIM)
