@@ -212,7 +212,7 @@ _ACTIONS = (
     *_keys("inspect", "import i", "next Enter", "view h", "length l", "beside b .", "circle c .", "filter f ."),
     Action(id="inspect.larger", keys=("+", "="), shown="+ -", row=""),
     Action(id="inspect.smaller", keys=("-",), shown="-", row="", beside=True),
-    *_keys("inspect", "whole z .", "export x ."),
+    *_keys("inspect", "whole z .", "export x .", "identify n ."),
     *_keys("inspect", "up ↑ ., down ↓", "page_up PgUp ., page_down PgDn", stops=StoppableMotion.MOTION),
     *_keys(
         "inspect", "first Home ., last End", "path p .", "state s .", "direction d .", stops=StoppableMotion.MOTION

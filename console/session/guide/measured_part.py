@@ -7,7 +7,7 @@ from dataclasses import replace
 from console.session.learning.calibrating import PartLobe
 from console.session.learning.learning_steps import LearningOutcome
 from console.session.learning.part_learning import PartLearning
-from console.session.station.state import MeasuredPart
+from console.session.station.state import MeasuredPart, StationState
 from console.session.work import Work
 from drivers.cutting.strategy import Strategy
 from profiles.compensations.causes import CauseKind
@@ -108,3 +108,9 @@ def why_not_reverted(work: Work | None) -> tuple[Problem, ...]:
 def edited_problems(work: Work) -> tuple[Problem, ...]:
     """Return why nothing is learned of this work: it was edited, and what is kept is of a file."""
     return (Problem(code="learned.edited_now", key=work.loaded.job.name),) if work.edited else ()
+
+
+def run_id_of(state: StationState) -> str | None:
+    """Return the run of the measured part; None without one."""
+    part = state.measured or state.form
+    return None if part is None else part.run_id

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 
 from console.session.data.trace_folder import export_trace
-from console.session.guide.measured_part import causes_along, fails, follows_lobe, is_taken
+from console.session.guide.measured_part import causes_along, fails, follows_lobe, is_taken, run_id_of
 from console.session.guide.refusals import LOOKS, find_refusals
 from console.session.guide.rows import INSPECT, row_of
 from console.session.guide.situation import Situation
@@ -29,6 +29,7 @@ from console.tui.inspection.comparison import (
 )
 from console.tui.inspection.panels import MOST_ZOOM, InspectCharts, PartView, full_lines
 from console.tui.inspection.part_chooser import OPEN_KEYS, PartChooser
+from console.tui.inspection.part_form import PartForm
 from console.tui.keymap import PageName, RowKey, row_keys
 from console.tui.lines import BLANK, Line, Sheet, clip_lines, hanging, line, wrap_line
 from console.tui.page import ChartPage
@@ -145,9 +146,17 @@ class InspectPage(ChartPage):
         self._charts = InspectCharts(ui)
         self._learn = Sheet(palette, id="inspect-learn", classes="panel")
         self._message = Sheet(palette, id="inspect-message")
-        self._chooser, self._parts = TraceChooser(ui), PartChooser(ui)
+        self._chooser, self._parts, self._form = TraceChooser(ui), PartChooser(ui), PartForm(ui)
         self._entry = CalibrateEntry()
-        self.panels = (self._learn, self._charts, self._message, self._chooser, self._parts, self._entry)
+        self.panels = (
+            self._learn,
+            self._charts,
+            self._message,
+            self._chooser,
+            self._parts,
+            self._form,
+            self._entry,
+        )
         self.texts = (self._learn, self._message, *self._charts.texts)
         self._seen: PartComparison | None = None
         self._of: tuple[object, ...] = ()
@@ -184,6 +193,10 @@ class InspectPage(ChartPage):
                 self._choose(action)
             elif self._parts.is_open:
                 self._choose_part(action)
+            elif self._form.is_open:
+                self._form.act(action)
+            elif action == "inspect.identify":
+                self._form.open(run_id_of(self.ui.view.state) or "")
             elif action in LOOKS:
                 self._look(action)
             elif action in does:
@@ -195,7 +208,7 @@ class InspectPage(ChartPage):
         if view.state.may_move:
             self._entry.close()
         self._entry.keep_focus()
-        for chooser in (self._chooser, self._parts):
+        for chooser in (self._chooser, self._parts, self._form):
             if chooser.display is not chooser.is_open:
                 chooser.display = chooser.is_open
                 self._charts.display = self._learn.display = self._message.display = False
@@ -204,6 +217,8 @@ class InspectPage(ChartPage):
             self._chooser.refresh_choice(view)
         elif self._parts.is_open:
             self._parts.refresh_list()
+        elif self._form.is_open:
+            self._form.refresh_fields()
         else:
             for each in (PartView.SPECTRUM, PartView.STACK, PartView.MAP):
                 self.set_class(self._drawn is each, f"-{each}")
@@ -219,6 +234,8 @@ class InspectPage(ChartPage):
             return self._chooser.why_not(action)
         if self._parts.is_open:
             return self._parts.why_not(action)
+        if self._form.is_open:
+            return self._form.why_not(action)
         if action in LOOKS and view.state.measured is not None:
             return self._why_not_looked(action, view)
         return find_refusals(action, self._present_situation(view), KEYS[action])
@@ -231,21 +248,24 @@ class InspectPage(ChartPage):
         """Those of an open chooser; without a gauge no key measures."""
         if self._chooser.is_open or self._parts.is_open:
             return self._chooser.keys if self._chooser.is_open else OPEN_KEYS
+        if self._form.is_open:
+            return self._form.keys
         if self.ui.view.state.simulated:
             return ()
         return tuple(key for key in row_keys(self.name_) if key.action != "inspect.measure")
 
     @property
     def field(self) -> FieldKind:
-        """Free text while a path is typed, a number while a large step is typed out."""
+        """Free text while a path or a name is typed, a number while a large step is typed out."""
         if self._entry.is_open:
             return FieldKind.NUMBER
-        return FieldKind.TEXT if self._chooser.is_typing else FieldKind.NONE
+        return FieldKind.TEXT if self._chooser.is_typing or self._form.is_typing else FieldKind.NONE
 
     def leave(self) -> None:
         """Close the choosers."""
         self._chooser.close()
         self._parts.close()
+        self._form.close()
         self._entry.close()
 
     def next_step(self, view: View) -> Line:
@@ -256,6 +276,8 @@ class InspectPage(ChartPage):
             return self._chooser.next_step()
         if self._parts.is_open:
             return line((self._parts.next_words(), Token.ACTION))
+        if self._form.is_open:
+            return line((self._form.next_words(), Token.ACTION))
         if self._asks and view.state.measured is not None:
             return line((self.ui.text("inspect_page.next_question"), Token.ACTION))
         return line((self.ui.text(row_of(INSPECT, self._present_situation(view)).sentence), Token.ACTION))
@@ -267,6 +289,8 @@ class InspectPage(ChartPage):
             return self._chooser.in_full(width)
         if self._parts.is_open:
             return self._parts.in_full(width)
+        if self._form.is_open:
+            return self._form.in_full(width)
         if part is None:
             return self._message_lines(view.state, width)
         rows: list[Line] = []
@@ -387,7 +411,7 @@ class InspectPage(ChartPage):
 
     def paint(self, view: View) -> None:
         """Show the last part that was measured; not under a chooser, which may have opened since."""
-        if self._chooser.is_open or self._parts.is_open:
+        if self._chooser.is_open or self._parts.is_open or self._form.is_open:
             return
         state = view.state
         self._compare(state)
