@@ -55,11 +55,12 @@ def recorded(
     stage: Stage = Stage.FULL,
     proven: bool = True,
     whole: CylinderResult | None = None,
+    more: Mapping[str, object] | None = None,
     **changes: Any,
 ) -> str:
     """A run with measured parts by their names; that of the name "before" is for comparison. Return its id.
 
-    `whole` is the form over the length of each.
+    `whole` is the form over the length of each, `more` what else the record has of it.
     """
     job = job or job_named()
     row = {
@@ -85,7 +86,7 @@ def recorded(
     run.add("step", {"part": "after", "step": "cut", "detail": "13.5 s"})
     for name, trace in parts.items():
         of: dict[str, Any] = {"part": name, "product": name != "before", "proven": proven}
-        of["more"] = {} if whole is None else whole.event()
+        of["more"] = more or ({} if whole is None else whole.event())
         kept = part_record(job, roundness_of(trace), trace, stage, **of)
         run.add("part", {"part": name, "ront_um": kept.ront_um}, kept)
     add_telemetry(folder, run)

@@ -357,19 +357,31 @@ def test_the_command_writes_the_newest_run_once_and_says_which(
 CHROMIUM = shutil.which("chromium")
 
 
+PRINTS = pytest.mark.skipif(
+    CHROMIUM is None or not shutil.which("pdftotext"), reason="no chromium, or no pdftotext"
+)
+
+
+def printed_pages(page: str, folder: Path) -> list[str]:
+    """The words of each sheet that a real browser prints of a page; all sheets are A4."""
+    source, paper = folder / "report.html", folder / "report.pdf"
+    source.write_text(page, encoding="utf-8")
+    quiet = "--headless --no-sandbox --disable-gpu --no-first-run --disable-sync --disable-background-networking"
+    options = [*quiet.split(), "--disable-component-update", f"--user-data-dir={folder / 'browser'}"]
+    call = [str(CHROMIUM), *options, f"--print-to-pdf={paper}", "--no-pdf-header-footer", source.as_uri()]
+    homeless = {**os.environ, "HOME": str(folder), "XDG_CONFIG_HOME": str(folder)}
+    subprocess.run(call, capture_output=True, timeout=50, check=True, env=homeless)
+    width, height = map(float, re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", paper.read_bytes())[0])
+    assert abs(width - 595.3) < 1.0 and abs(height - 841.9) < 1.0
+    text = subprocess.run(["pdftotext", str(paper), "-"], capture_output=True, timeout=20, check=True).stdout
+    return text.decode().split("\f")[:-1]
+
+
 @pytest.mark.system
 @pytest.mark.long
-@pytest.mark.skipif(CHROMIUM is None or not shutil.which("pdftotext"), reason="no chromium, or no pdftotext, here")
+@PRINTS
 def test_a_real_browser_prints_simulated_on_every_page(tmp_path: Path) -> None:
     run = recorded(tmp_path, {"before": lobed(27.0), "after": lobed(1.0)})
-    page, paper = tmp_path / "report.html", tmp_path / "report.pdf"
-    page.write_text(page_of(tmp_path, run), encoding="utf-8")
-    quiet = "--headless --no-sandbox --disable-gpu --no-first-run --disable-sync --disable-background-networking"
-    options = [*quiet.split(), "--disable-component-update", f"--user-data-dir={tmp_path / 'browser'}"]
-    call = [str(CHROMIUM), *options, f"--print-to-pdf={paper}", "--no-pdf-header-footer", page.as_uri()]
-    homeless = {**os.environ, "HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path)}
-    subprocess.run(call, capture_output=True, timeout=50, check=True, env=homeless)
-    text = subprocess.run(["pdftotext", str(paper), "-"], capture_output=True, timeout=20, check=True).stdout
-    pages = text.decode().split("\f")[:-1]
+    pages = printed_pages(page_of(tmp_path, run), tmp_path)
     assert len(pages) >= 3 and all("SIMULATED" in each and run[:8] in each for each in pages)
     assert "CLOSE" in pages[-1]  # the program is printed, at the end
