@@ -161,7 +161,8 @@ def _uncertainty(judged: JudgedFigure | None, text: Catalogue) -> str:
 def _rule(judged: JudgedFigure | None, text: Catalogue) -> str:
     if judged is None:
         return text("report.certificate.information")
-    return text("report.certificate.simple")
+    rule = getattr(judged, "rule", None)
+    return text("report.certificate.simple") if rule is None else text(f"judged.rule.{rule}")
 
 
 def _conformity(part: RecordedPart, judged: JudgedFigure | None, verdict: ReportVerdict, text: Catalogue) -> str:

@@ -64,7 +64,7 @@ figure.round svg { max-width: 340px; }
 figcaption { font-size: 13px; color: #4a4a4a; }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(260px, 1fr)); gap: 0 16px;
   break-inside: avoid; }
-#certificate { break-after: page; font-size: 13px; line-height: 1.35; }
+#certificate { break-after: page; font-size: 12px; line-height: 1.35; }
 #certificate h1 { font-size: 20px; margin: 0 0 2px; }
 #certificate table { margin: 4px 0; }
 #certificate caption { padding: 0; }
@@ -72,17 +72,19 @@ figcaption { font-size: 13px; color: #4a4a4a; }
 #certificate .verdict { margin: 6px 0; padding: 2px 12px; }
 #certificate .verdict strong { font-size: 18px; }
 #certificate .verdict p { margin: 2px 0; }
-#certificate .facts th { width: 25%; }
-#certificate .hashes th { width: 20%; }
-#certificate .figures { table-layout: auto; }
-#certificate .figures td, #certificate .figures th { vertical-align: middle; overflow-wrap: normal; }
-#certificate .figures tbody th, #certificate .figures tbody td:nth-child(2) { white-space: nowrap; }
+#certificate .facts th { width: 1%; white-space: nowrap; padding-right: 12px; }
+#certificate .figures td, #certificate .figures th { vertical-align: middle; }
 #certificate .pair { align-items: start; }
-.shown { display: grid; grid-template: auto 1fr / 60mm 1fr; gap: 0 4mm; align-items: start;
-  break-inside: avoid; }
-.shown figure { display: contents; }
-.shown figure svg { grid-row: 1 / 3; width: 60mm; margin: 2px 0; }
-.shown table, .shown figcaption { grid-column: 2; }
+@media (max-width: 639px) { .figures { display: block; overflow-x: auto; white-space: nowrap; } }
+@media (min-width: 640px) {
+  #certificate .figures td, #certificate .figures th { overflow-wrap: normal; padding-right: 6px; }
+  #certificate .figures tbody th, #certificate .figures tbody td:nth-child(2) { white-space: nowrap; }
+  .shown { display: grid; grid-template: auto 1fr / 60mm 1fr; gap: 0 4mm; align-items: start;
+    break-inside: avoid; }
+  .shown figure { display: contents; }
+  .shown figure svg { grid-row: 1 / 3; width: 60mm; margin: 2px 0; }
+  .shown table, .shown figcaption { grid-column: 2; }
+}
 .shown figcaption { font-size: 11px; }
 #certificate .signatures { break-inside: avoid; }
 .signatures caption { font-size: 0; }

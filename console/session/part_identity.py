@@ -24,7 +24,7 @@ IDENTIFIED = "identified"
 """Kind of the event."""
 
 OF_PART = "of_part"
-_LONGEST = 40  # characters, of which a line of the certificate has room for all
+_LONGEST = 32  # characters, of which a line of the certificate has room for all
 _WAIT_S = 1.0
 _NEWEST = f"""
 SELECT events.data,

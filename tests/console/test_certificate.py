@@ -89,7 +89,7 @@ def test_what_the_command_is_told_is_on_the_certificate_and_in_the_record(
     assert main(command) == 0 and output.read_bytes() == before
     assert main((*command, "--temperature-c", "200")) == 1
     assert "--temperature-c = 200 is out of range; allowed >= -20, <= 80 °C" in capsys.readouterr().err
-    assert main((*command, "--batch", "x" * 41)) == 1 and output.read_bytes() == before
+    assert main((*command, "--batch", "x" * 33)) == 1 and output.read_bytes() == before
 
 
 def test_each_figure_has_its_tolerance_result_section_and_rule(tmp_path: Path) -> None:
@@ -136,7 +136,7 @@ def test_a_real_browser_prints_the_certificate_on_one_page(tmp_path: Path, langu
     )
     of: dict[str, Any] = {"job": job, "whole": whole(), "end": said("tool_error"), "operator": None}
     run = recorded(tmp_path, {"after": lobed(4.0, 3.0)}, machine="m" * 40, **of)
-    long = {key: f"{key} {'WORD-' * 8}"[:40] for key in (*NAMES, "serial_number")}
+    long = {key: f"{key} {'WORD-' * 8}"[:32] for key in (*NAMES, "serial_number")}
     add_to_run(tmp_path, run, IDENTIFIED, PartIdentity(**long, temperature_c=20.35).event())
     text = load(language)
     first, second, *_ = printed_pages(page_of(tmp_path, run, language), tmp_path)
