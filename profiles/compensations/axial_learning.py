@@ -26,6 +26,7 @@ from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT
 from profiles.compensations.optimal_gain import PRIOR_OTHERS_UM, PROCESS_LOSS_SD, Scatter, optimal_gain, repeats
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import AXIAL_POWERS, AlongCut, CutPath, LobedPath, axial_um
+from profiles.trace_files.sections import JITTER_MM
 
 SLOPE_SECTIONS = 2
 MEAN = 0
@@ -49,9 +50,10 @@ def fit_axial(
     """Return slope and curvature of these orders and of the mean, if the sections are `sized`.
 
     `parts` are sections of a part, each with its s, anywhere along the cut; with fewer than two nothing is found.
+    Those within `JITTER_MM` of each other are one height: they are the same section, measured again.
     """
     s = np.array([place for place, _ in parts])
-    heights = len(set(s.tolist()))
+    heights = 1 + int(np.sum(np.diff(np.sort(s)) * along.half_length_mm > JITTER_MM)) if parts else 0
     powers = AXIAL_POWERS[: max(0, heights - 1)] if heights >= SLOPE_SECTIONS else ()
     if not powers:
         return NO_SECTIONS
@@ -65,11 +67,12 @@ def fit_axial(
             continue
         left = np.array([part.coefficients_um[n] if n else complex(part.mean_um) for _, part in parts])
         noise_um = max(part.sd_um[n] for _, part in parts) if n else 0.0
+        shown = solve
         if n:
-            left = left - (middle @ left) * (along.factor(n, s * along.half_length_mm) - 1.0)
+            shown = solve @ (np.eye(s.size) - np.outer(along.factor(n, s * along.half_length_mm) - 1.0, middle))
         for power in powers:
-            found[n, power] = complex(solve[power] @ left)
-            sd_um[n, power] = math.hypot(noise_um, REPEATS_SD_UM) * float(np.linalg.norm(solve[power]))
+            found[n, power] = complex(shown[power] @ left)
+            sd_um[n, power] = math.hypot(noise_um, REPEATS_SD_UM) * float(np.linalg.norm(shown[power]))
     return AxialFit(coefficients_um=found, sd_um=sd_um)
 
 

@@ -25,6 +25,7 @@ from profiles.traces import Trace
 JOB = load_job("lee-2001-experiment-1").job
 PLACES = (-0.8, -0.4, 0.0, 0.4, 0.8)
 KNOWN = AlongCut(half_length_mm=4.0, orders=((3, (0.2, 0.03)),))
+STEEP = AlongCut(half_length_mm=4.0, orders=((3, (-2.0, 3.0)),))
 Surface = Callable[[np.ndarray, float], np.ndarray]
 
 
@@ -117,6 +118,27 @@ def test_sections_close_to_each_other_teach_nothing_that_is_within_their_noise()
     )
     assert fit.sd_um[3, 1] > 1.0
     assert not axial_steps(fit, path(), rules(), AxialHistory()).changes_um
+
+
+@pytest.mark.parametrize("apart", [1e-5, 0.003])  # of 4 mm: within what counts as one section
+def test_a_section_measured_again_is_no_further_height(apart: float) -> None:
+    """Else a parabola through two points of one height throws the middle, and its slope, by hundreds of um."""
+    fit = fit_axial(
+        sections(lambda angle, s: 2.0 * s * np.cos(3.0 * angle), (-0.5, apart - 0.5, 0.5)), KNOWN, (3,)
+    )
+    assert fit.coefficients_um[3, 1] == pytest.approx(2.0, abs=0.1)
+    assert (3, 2) not in fit.coefficients_um
+
+
+def test_a_slope_is_as_uncertain_as_the_middle_that_is_carried_along() -> None:
+    """Of 40 parts of noise alone the slope scatters by its standard error, with heights unevenly apart, too."""
+    places, noise_um = (-0.5, -0.4, 0.9), 2.0
+    fits = [
+        fit_axial(sections(lambda angle, s: 0.0 * angle, places, noise_um, seed), STEEP, (3,))
+        for seed in range(40)
+    ]
+    scatter_um = np.std([fit.coefficients_um[3, 2] for fit in fits])
+    assert scatter_um <= 1.3 * fits[0].sd_um[3, 2]
 
 
 def test_of_sections_without_a_size_no_taper_is_learned() -> None:
