@@ -24,9 +24,17 @@ from profiles.metrology.conformity import SectionForm
 from profiles.metrology.length_causes import CAUSES, LengthCause, length_causes
 from profiles.metrology.points import POINTS_PER_UNDULATION, angle_weights, gaussian_weights
 from profiles.metrology.profile_filters import FilterKind
-from profiles.problem import refusal_error
+from profiles.problem import Problem, refusal_error
 from profiles.roundness import profile_of
-from profiles.trace_files.sections import BIRD_CAGE, SECTIONS, SurfacePoints, TraceSection, generatrix_of
+from profiles.trace_files.sections import (
+    BIRD_CAGE,
+    HEIGHT,
+    HELIX,
+    SECTIONS,
+    SurfacePoints,
+    TraceSection,
+    generatrix_of,
+)
 
 LEAST_SQUARES = "LSCY"
 MINIMUM_ZONE = "MZCY"
@@ -234,6 +242,23 @@ def evaluate_points(
         filter_along_mm=filter_along_mm,
         count=deviation.size,
     )
+
+
+def coarse_points(surface: SurfacePoints, lobes: int) -> tuple[Problem, ...]:
+    """Return why points that are no sections do not show a part with so many lobes; nothing where they do.
+
+    Six generatrices may all be on nodes of three lobes. With seven to a lobe, and seven turns of a helix, CYLt of
+    three lobes is at most about 5 % too small (computed).
+    """
+    code, count, least = "trace.few_turns", 0, POINTS_PER_UNDULATION
+    if surface.strategy == BIRD_CAGE:
+        code, least = "trace.few_generatrices", POINTS_PER_UNDULATION * lobes
+        count = np.unique(generatrix_of(surface.angle_deg)).size
+    elif surface.strategy == HELIX:
+        count = int(abs(np.diff(np.unwrap(surface.angle_deg, period=360.0)).sum()) / 360.0 + 0.5)
+    else:
+        return ()
+    return () if count >= least else (Problem(code=code, key=HEIGHT, value=str(count), limit=f">= {least}"),)
 
 
 def gaussian_along(z_mm: Floats, deviation_um: Floats, cutoff_mm: float) -> Floats:

@@ -342,6 +342,16 @@ def test_of_a_helix_the_form_is_stated_and_no_roundness(console: Console, tmp_pa
     assert judged.code == 1 and "a helix (3600 points)" in judged.err
 
 
+def test_a_helix_of_few_turns_is_not_judged(console: Console, tmp_path: Path) -> None:
+    """What its lobe does along two turns passes for a tilt of the part: CYLt comes out 5 um too small."""
+    path, angle = tmp_path / "helix.csv", np.arange(0.0, 720.0, 2.0)
+    rows = [f"{22 + a / 90:.5f},{a:g},{(10 - a / 90) * np.cos(np.radians(3 * a)):.4f}" for a in angle]
+    path.write_text("z_mm,angle_deg,deviation_um\n" + "\n".join(rows), encoding="utf-8")
+    assert console("roundness", str(path)).code == 0
+    judged = console("roundness", str(path), "--job", "lee-2001-experiment-1")
+    assert judged.code == 1 and "turns of the helix: 2; the form of this part needs >= 7" in judged.err
+
+
 @pytest.mark.parametrize(("language", "words"), [("en", "Most likely"), ("ko", "가장 유력한")])
 @pytest.mark.parametrize(("limit_um", "fails"), [("20.0", False), ("1.0", True)])
 def test_only_of_a_part_that_fails_it_is_said_why_it_most_likely_does(

@@ -136,6 +136,20 @@ def test_a_helix_has_a_form_and_is_no_verdict_on_roundness(tmp_path: Path, job: 
     assert [each.code for each in read(path, replace(job, cut_length_mm=5.0), JAWS).problems] == ["trace.off_cut"]
 
 
+@pytest.mark.parametrize("lines", [6, 20, 21])
+def test_a_bird_cage_that_may_miss_the_lobe_is_no_verdict(tmp_path: Path, job: Job, lines: int) -> None:
+    """Six generatrices on the nodes of a lobe of 30 um p-p show a perfect cylinder."""
+    angle = np.repeat(np.arange(lines) * 360.0 / lines, 40)
+    z_mm = np.tile(np.linspace(22.0, 29.0, 40), lines)
+    rows = [f"{z:.3f};{a:.3f};{15 * np.sin(np.radians(3 * a)):.4f}" for a, z in zip(angle, z_mm, strict=True)]
+    path = tmp_path / "cage.csv"
+    path.write_text(STATED + "Z [mm];Angle [deg];Deviation [um]\n" + "\n".join(rows), encoding="utf-8")
+    found = read(path, job, JAWS)
+    refused = [(each.code, each.value, each.limit) for each in found.problems]
+    assert refused == ([] if lines >= 21 else [("trace.few_generatrices", str(lines), ">= 21")])
+    assert found.ready is (lines >= 21)
+
+
 def test_learning_takes_the_section_at_mid_cut_of_a_file_of_several(
     console: Console, job_file: JobFile, tmp_path: Path
 ) -> None:

@@ -128,13 +128,13 @@ def _whole(
     options: Namespace, found: Sequence[TraceSection] | SurfacePoints, text: Catalogue, told: Sequence[str]
 ) -> int:
     """Print the form over the length of a part that was measured in several sections, or in points."""
-    from console.cli.library import naming
+    from console.cli.library import job_of, naming
     from console.cli.measured.roundness_report import form_fields, form_lines
     from console.cli.output import show, tell
     from console.text.part_sentences import judged_fields
     from profiles.files import printable
     from profiles.metrology.conformity import passes_all
-    from profiles.metrology.cylindricity import LEAST_SQUARES
+    from profiles.metrology.cylindricity import LEAST_SQUARES, coarse_points
     from profiles.problem import ProfileError
     from profiles.trace_files.header import header_of
     from profiles.trace_files.sections import SurfacePoints, no_sections
@@ -150,6 +150,8 @@ def _whole(
             doubts = (*doubts, *_doubts(options, found, header))
             found = _on_part(options, found, header)
             header = replace(header, z_from=None)  # they count from the jaw faces now
+        elif options.job is not None and (coarse := coarse_points(found, job_of(options).job.jaws)):
+            raise ProfileError(*coarse)
         whole = _evaluate(options, found)
     warnings = tell(doubts, text)
     if isinstance(found, SurfacePoints):  # of points that are no sections only the form is known

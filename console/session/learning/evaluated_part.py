@@ -29,6 +29,7 @@ from profiles.metrology.cylindricity import (
     LEAST_SECTIONS,
     LEAST_SPAN,
     CylinderResult,
+    coarse_points,
     evaluate_points,
     part_section,
 )
@@ -405,6 +406,7 @@ def _points_of_file(
             *_refusals(cloud, header, simulated=simulated, lathe=lathe),
             *outside,
             *_too_short(float(np.ptp(filed.z_mm)), job),
+            *coarse_points(filed, job.jaws),
             *unit_doubt(whole.cylt_um, meta, plane="radius_mm" in meta),
         ),
     )
