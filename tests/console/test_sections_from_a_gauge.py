@@ -170,6 +170,8 @@ def test_learning_takes_the_section_at_mid_cut_of_a_file_of_several(
         f"worst at Z {worst_mm:.1f} mm: RONt {worst_um:.2f} um" in said
         and f"CYLt {seen['CYLt_um']:.2f} um" in said
     )
+    stated.write_text(stated.read_text(encoding="utf-8").replace("28;100;", "28;100;9"), encoding="utf-8")
+    assert "Z 28 mm: a single point stands apart" in console("learn", str(stated), "--job", job, *words).err
 
 
 @pytest.mark.long

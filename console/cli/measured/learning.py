@@ -72,7 +72,7 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
         raise SessionError(*name_file_in_problems(taken, where))
     following, reasons = found.step.next, found.step.reasons
     refused = bool(reasons) and (options.keep or not found.step.placed)
-    warnings = tell((*machine.warnings, *found.warnings, *(() if refused else reasons)), text)
+    warnings = tell((*machine.warnings, *filed.doubts, *found.warnings, *(() if refused else reasons)), text)
     kept = store(data, following) if options.keep and not reasons else None
     if kept is not None:
         warnings += tell(_record_learning_step(data, content, following), text)

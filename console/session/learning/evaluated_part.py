@@ -279,7 +279,8 @@ def _read_files(path: Path, others: tuple[Path, ...]) -> tuple[bytes, tuple[Trac
 class FiledSections:
     """The sections of a file at the angles of the file, in the job's Z; `trace` is the one at `section_z_mm`.
 
-    `whole` is their form over the length, None where they do not tell it.
+    `whole` is their form over the length, None where they do not tell it; `doubts` are what is doubtful in the
+    other sections.
     """
 
     content: bytes = field(repr=False)
@@ -287,6 +288,7 @@ class FiledSections:
     trace: Trace
     section_z_mm: float | None
     whole: CylinderResult | None
+    doubts: tuple[Problem, ...]
 
 
 def read_section_file(path: Path, job: Job) -> FiledSections:
@@ -308,12 +310,14 @@ def read_section_file(path: Path, job: Job) -> FiledSections:
     heights_mm = heights_mm if header.z_from is not None else [None]
     place = _middle_of(heights_mm, job)
     sections = [TraceSection(z_mm=z, trace=each.trace) for z, each in zip(heights_mm, filed, strict=True)]
+    turns = [(each.z_mm, fold_turns(each.trace, header)[0]) for each in sections]
     return FiledSections(
         content=content,
         sections=tuple(sorted(sections, key=lambda each: each.z_mm or 0.0)),
         trace=filed[place].trace,
         section_z_mm=heights_mm[place],
-        whole=whole_of([replace(each, trace=fold_turns(each.trace, header)[0]) for each in sections], job),
+        whole=whole_of([TraceSection(z_mm=z, trace=turn) for z, turn in turns], job),
+        doubts=_results_of(turns, place, header, job)[1],
     )
 
 
@@ -335,22 +339,8 @@ def _span_mm(sections: Sequence[TraceSection]) -> float:
 
 def _judge(found: EvaluatedPart, turns: Sequence[tuple[float | None, Trace]], job: Job) -> EvaluatedPart:
     """Return a part with its result and its form; `turns` are its sections at the angles of the file."""
-    header, results = found.header, list[RoundnessResult]()
-    for z_mm, turn in turns:
-        with at_height(z_mm if len(turns) > 1 else None):
-            radius_mm = header.radius_of(job)
-            results.append(
-                evaluate(turn.angle_deg, turn.deviation_um, FILTER_UPR, state=header.state, radius_mm=radius_mm)
-            )
-    others = [(z, each) for (z, _), each in zip(turns, results, strict=True) if each is not results[found.place]]
-    warnings = tuple(replace(each, where=f"Z {z:g} mm") for z, result in others for each in result.warnings)
-    sections = [each.z_mm for each in found.sections if each.z_mm is not None]
-    whole = whole_of(found.sections, job)
-    if others and len(sections) < LEAST_SECTIONS:
-        value, limit = str(len(turns)), f">= {LEAST_SECTIONS}"
-        warnings += (Problem(code="trace.few_sections", key=HEIGHT, value=value, limit=limit),)
-    elif others:
-        warnings += _too_short(_span_mm(found.sections), job)
+    header, whole = found.header, whole_of(found.sections, job)
+    results, warnings = _results_of(turns, found.place, header, job)
     result = turn_result_to_spindle(results[found.place], header, job.jaw_1_deg)
     trace = found.trace
     problems = unit_doubt(result.ront_um, trace.meta, plane=trace.centre_mm is not None)
@@ -361,6 +351,28 @@ def _judge(found: EvaluatedPart, turns: Sequence[tuple[float | None, Trace]], jo
         warnings=(*found.warnings, *warnings),
         problems=problems,
     )
+
+
+def _results_of(
+    turns: Sequence[tuple[float | None, Trace]], place: int, header: TraceHeader, job: Job
+) -> tuple[list[RoundnessResult], tuple[Problem, ...]]:
+    """Return the roundness of each section, and what is doubtful in those besides the one at `place`."""
+    results = list[RoundnessResult]()
+    for z_mm, turn in turns:
+        with at_height(z_mm if len(turns) > 1 else None):
+            radius_mm = header.radius_of(job)
+            results.append(
+                evaluate(turn.angle_deg, turn.deviation_um, FILTER_UPR, state=header.state, radius_mm=radius_mm)
+            )
+    others = [(z, each) for (z, _), each in zip(turns, results, strict=True) if each is not results[place]]
+    warnings = tuple(replace(each, where=f"Z {z:g} mm") for z, result in others for each in result.warnings)
+    heights = [z for z, _ in turns if z is not None]
+    if others and len(heights) < LEAST_SECTIONS:
+        value, limit = str(len(turns)), f">= {LEAST_SECTIONS}"
+        warnings += (Problem(code="trace.few_sections", key=HEIGHT, value=value, limit=limit),)
+    elif others:
+        warnings += _too_short(float(np.ptp(heights)), job)
+    return results, warnings
 
 
 @contextmanager
