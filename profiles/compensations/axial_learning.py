@@ -29,6 +29,9 @@ from profiles.compensations.path import AXIAL_POWERS, AlongCut, CutPath, LobedPa
 from profiles.trace_files.sections import JITTER_MM
 
 SLOPE_SECTIONS = 2
+MISFIT_UM = 1.0
+"""Standard deviation about their curve from which sections contradict each other; no lobe of a shell needs it."""
+
 MEAN = 0
 Key = tuple[int, int]  # an order, 0 for the mean, and a power of s
 
@@ -50,7 +53,8 @@ def fit_axial(
     """Return slope and curvature of these orders and of the mean, if the sections are `sized`.
 
     `parts` are sections of a part, each with its s, anywhere along the cut; with fewer than two nothing is found.
-    Those within `JITTER_MM` of each other are one height: they are the same section, measured again.
+    Those within `JITTER_MM` of each other are one height: they are the same section, measured again. Sections off
+    their curve by more than `MISFIT_UM`, as one that was turned on the gauge, make its terms as uncertain as that.
     """
     s = np.array([place for place, _ in parts])
     heights = 1 + int(np.sum(np.diff(np.sort(s)) * along.half_length_mm > JITTER_MM)) if parts else 0
@@ -70,9 +74,14 @@ def fit_axial(
         shown = solve
         if n:
             shown = solve @ (np.eye(s.size) - np.outer(along.factor(n, s * along.half_length_mm) - 1.0, middle))
+        noise_um = math.hypot(noise_um, REPEATS_SD_UM)
+        if (spare := s.size - len(solve)) > 0:
+            own = left - (along.factor(n, s * along.half_length_mm) - 1.0) * (middle @ left) if n else left
+            misfit_um = float(np.linalg.norm(own - rows @ (solve @ own))) / math.sqrt(spare)
+            noise_um = max(noise_um, misfit_um if misfit_um > MISFIT_UM else 0.0)
         for power in powers:
             found[n, power] = complex(shown[power] @ left)
-            sd_um[n, power] = math.hypot(noise_um, REPEATS_SD_UM) * float(np.linalg.norm(shown[power]))
+            sd_um[n, power] = noise_um * float(np.linalg.norm(shown[power]))
     return AxialFit(coefficients_um=found, sd_um=sd_um)
 
 

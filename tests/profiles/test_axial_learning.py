@@ -141,6 +141,17 @@ def test_a_slope_is_as_uncertain_as_the_middle_that_is_carried_along() -> None:
     assert scatter_um <= 1.3 * fits[0].sd_um[3, 2]
 
 
+def test_a_section_that_was_turned_on_the_gauge_teaches_nothing_along_the_part() -> None:
+    """8 um of the lobe are left, with a slope of 1 um; one of five sections stands 40 degrees aside."""
+
+    def left(angle: np.ndarray, s: float) -> np.ndarray:
+        aside = np.radians(40.0) if s == PLACES[1] else 0.0
+        return np.asarray((8.0 + s) * np.cos(3.0 * (angle - aside)))
+
+    steps = axial_steps(fit_axial(sections(left), KNOWN, (3, 6)), path(), rules(), AxialHistory())
+    assert not steps.changes_um
+
+
 def test_of_sections_without_a_size_no_taper_is_learned() -> None:
     """A gauge that levels each section by itself writes no mean: none is not the same as round to size."""
     fit = fit_axial(sections(lambda angle, s: -2.0 * s + 0.0 * angle), KNOWN, (3,), sized=False)
