@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from random import Random
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -34,6 +35,7 @@ from drivers.simulator.plant.driven_mass import DrivenMass
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.spindle import RadialError, SimulatedSpindle
+from drivers.simulator.plant.true_parameters import ideal
 from drivers.simulator.plant.workpiece import OVERLAP
 from profiles.machine import MachineProfile
 from profiles.store import load_job
@@ -277,6 +279,22 @@ def test_far_outside_only_the_ends_of_a_path_are_exact() -> None:
     near, far = (path.samples(blocks, outside_mm)[0].tolist() for outside_mm in (1000.0, 0.0))
     assert near == exact
     assert (far[:OVERLAP], far[-OVERLAP:]) == (exact[:OVERLAP], exact[-OVERLAP:])
+
+
+def test_the_tip_lags_its_scale_by_half_the_play_and_rests_at_each_reversal() -> None:
+    """A sine of 20 um with a play of 6 um: once in, the tip is 3 um behind, and swings by 17 um."""
+    machine = compact_machine().machine
+    path = workshop.TipPath(machine, replace(ideal(machine), backlash_um=6.0), None)
+    turn = 2.0 * np.pi * np.arange(1200) / 400
+    scale_mm = 5.0 + 0.020 * np.sin(turn)
+    counts = (scale_mm * machine.tool.counts_per_mm).tolist()
+    blocks = [(counts[at : at + 50], [0.0] * 50, [0.0] * 50) for at in range(0, 1200, 50)]
+    radius_mm = np.concatenate([path.samples([block], 1000.0)[0] for block in blocks])
+    behind_um = 1000.0 * (radius_mm - (machine.tool.home_radius_mm - scale_mm))[400:]
+    moves_in = np.cos(turn[400:]) > 0.0
+    assert np.abs(behind_um).max() == pytest.approx(3.0, abs=1e-6)
+    assert behind_um[moves_in].max() == pytest.approx(3.0) and behind_um[~moves_in].min() == pytest.approx(-3.0)
+    assert 500.0 * np.ptp(radius_mm[400:]) == pytest.approx(17.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -59,6 +59,7 @@ PLANT_FIELDS = (
     _amount("encoder_noise_um", "tool", "um", 10.0),
     Field(key="commutation_error_deg", table="tool", unit="deg", default=0.0, at_least=-180.0, at_most=180.0),
     _amount("scale_error_um", "tool", "um", 1000.0),
+    _amount("backlash_um", "tool", "um", 200.0),
     Field(key="flexible_hz", table="tool", unit="Hz", default=300.0, at_least=50.0, at_most=1000.0),
     Field(key="flexible_damping", table="tool", default=0.02, at_least=0.001, at_most=0.5),
     Field(key="flexible_fraction", table="tool", default=0.0, at_least=-2.0, at_most=2.0),

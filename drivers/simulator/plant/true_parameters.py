@@ -91,7 +91,8 @@ class TrueParameters:
     `viscous_n_s_per_m`), which builds up over `presliding_um` (see `Presliding`), or at once. A commutation that
     is `commutation_error_deg` off leaves the cosine of the thrust. The scale of the tool reads up to
     `scale_error_um` wrong, once in each `scale_period_um`, and with a noise of `encoder_noise_um` (rms,
-    Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`. Something that bends at
+    Gaussian, in each servo cycle); in the cut the tip has a play of `backlash_um` behind it. Its current follows
+    the command with `current_lag_s`. Something that bends at
     `flexible_hz`, with the damping ratio `flexible_damping`, adds `flexible_fraction` of the rigid axis'
     acceleration to what scale and tip do (see `FlexibleMode`); 0 is a rigid axis. The controller reads the
     signs of a notch filter by `notch_reading`.
@@ -179,6 +180,7 @@ class TrueParameters:
     radial_error_um_pp: float = 0.0
     commutation_error_deg: float = 0.0
     scale_error_um: float = 0.0
+    backlash_um: float = 0.0
     scale_period_um: float = 20.0
     flexible_hz: float = 300.0
     flexible_damping: float = 0.02

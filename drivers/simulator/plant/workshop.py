@@ -177,8 +177,9 @@ class PartIndicator:
 class TipPath:
     """Machine counts of tool, spindle and carriage to radius and Z of the tip, and turns since the index.
 
-    Exact where it matters, a bound elsewhere: far from everything neither the radial error of the spindle nor that
-    of the scale has to be computed for each servo cycle.
+    The tip lags the scale by half of the play between them against the motion; seen in the cut alone: dials and
+    collisions are as without. Exact where it matters, a bound elsewhere: far from everything neither the radial
+    error of the spindle nor that of the scale has to be computed for each servo cycle.
     """
 
     def __init__(self, machine: MachineProfile, true: TrueParameters, wander: RadialError | None) -> None:
@@ -190,7 +191,10 @@ class TipPath:
         self._mm_per_carriage_count = 1.0 / machine.carriage.counts_per_mm
         self._mm_per_tool_count = 1.0 / machine.tool.counts_per_mm
         most_wander_mm = wander.most_mm if wander is not None else 0.0
-        self._most_off_mm = most_wander_mm + abs(true.scale_error_um) / 1000.0 + ROUNDING_MM
+        self._play = 0.5 * true.backlash_um / 1000.0 * machine.tool.counts_per_mm
+        self._dragged: float | None = None  # the reading of the scale at which the tip would be without play
+        off_mm = (abs(true.scale_error_um) + 0.5 * true.backlash_um) / 1000.0
+        self._most_off_mm = most_wander_mm + off_mm + ROUNDING_MM
 
     @property
     def _home_mm(self) -> float:
@@ -232,6 +236,8 @@ class TipPath:
             np.fromiter(chain.from_iterable([block[axis] for block in blocks]), np.float64) for axis in range(3)
         )
         turns = spindle * self._turns_per_count
+        if self._play:
+            tool = self._drag(tool)
         if self._true.scale_error_um:
             radius_mm = np.array(self.tips_mm(tool.tolist()))
         else:
@@ -243,6 +249,19 @@ class TipPath:
                 # Python's own sine, as `track` has it: another may differ in the last bit.
                 radius_mm[part] -= [self._wander.at_mm(turn) for turn in turns[part].tolist()]
         return radius_mm, turns, carriage * self._mm_per_carriage_count
+
+    def _drag(self, counts: Floats) -> Floats:
+        """Return the counts of the tip, which the scale drags along from either side of its play.
+
+        It remembers where the tip is: the blocks of a cut come once, in their order.
+        """
+        at = float(counts[0]) if self._dragged is None else self._dragged
+        dragged = []
+        for count in counts.tolist():
+            at = min(max(at, count - self._play), count + self._play)
+            dragged.append(at)
+        self._dragged = at
+        return np.array(dragged)
 
 
 class SimulatedWorkshop:
