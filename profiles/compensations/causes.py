@@ -2,7 +2,8 @@
 
 With the lobe L that a part would have without compensation, the path P and the fraction s of it in the cut, it
 has r = L - s c P, where c is what arrives of the path: 1 if the tool follows it. The intention is L = P and c = 1.
-The residual beyond the intended (1 - s) P is e; the tool, off its path in the cut by t, makes -t of it. One number
+The residual beyond the intended (1 - s) P is e; the tool, off its path in the cut by t, makes -t of it, and
+explains no more than is left. One number
 each explains the rest where:
 
 - the lobe stands elsewhere, by d of spindle: L = P exp(-j N d), so that |L| = |P|;
@@ -93,11 +94,12 @@ def causes(
     not observed. Where the part is not `placed`, its angles are not known at the spindle, and nothing is said that
     rests on them.
     """
-    ront_um, seen = part.ront_um(), _coefficients(part)
+    ront_um, seen = part.ront_um(), seen_orders(part)
     lobe = _of_lobe(part, cut, job, tool_um) if placed else _height_cause(part, job)
     others = _of_others(part, job, seen)
     if tool_um and placed:
-        others.append(Cause(kind=CauseKind.TOOL, um_pp=2.0 * abs(tool_um), order=job.jaws))
+        left_um = min(abs(tool_um), abs(_left_um(part, cut, job)))
+        others.append(Cause(kind=CauseKind.TOOL, um_pp=2.0 * left_um, order=job.jaws))
     if not placed:
         others = [replace(each, kind=CauseKind.OVAL) if each.kind is CauseKind.JAW else each for each in others]
     found = [each for each in (lobe, *others) if each is not None]
@@ -113,7 +115,7 @@ def _of_lobe(part: PartHarmonics, cut: AppliedPath, job: Job, tool_um: complex) 
     It explains no more than the residual: the tool may have hidden a part of it.
     """
     lobes, path_um = job.jaws, cut.path.target.harmonics[0].coefficient
-    left_um = part.coefficients_um[lobes] - (1.0 - cut.fraction) * path_um
+    left_um = _left_um(part, cut, job)
     off_um, seen_sd_um = left_um + tool_um, _seen_sd_um(part, job)
     um_pp = 2.0 * min(abs(off_um), abs(left_um))
     if abs(off_um) <= SIGNIFICANT * seen_sd_um or not path_um:
@@ -130,6 +132,11 @@ def _of_lobe(part: PartHarmonics, cut: AppliedPath, job: Job, tool_um: complex) 
         deg, sd_deg = (math.degrees(each) / lobes for each in (turned_rad, sd_rad))
         return Cause(kind=CauseKind.ANGLE, um_pp=um_pp, order=lobes, value=deg, sd=sd_deg)
     return Cause(kind=CauseKind.LOBE, um_pp=um_pp, order=lobes)
+
+
+def _left_um(part: PartHarmonics, cut: AppliedPath, job: Job) -> complex:
+    """Return the lobe that is left beyond what a part of the path should leave: no cause explains more."""
+    return part.coefficients_um[job.jaws] - cut.spared_um[job.jaws]
 
 
 def _height_cause(part: PartHarmonics, job: Job) -> Cause | None:
@@ -185,7 +192,7 @@ def _nearest_jaw(phase_deg: float, job: Job) -> tuple[int, float]:
     return jaw, off_deg[jaw]
 
 
-def _coefficients(part: PartHarmonics) -> Mapping[int, complex]:
+def seen_orders(part: PartHarmonics) -> Mapping[int, complex]:
     """Return the harmonics of the part up to `MOST_ORDER`, at spindle angles."""
     spindle_deg = (-1.0 if part.against_spindle else 1.0) * part.angle_deg + part.begins_deg
     return fit_harmonics(spindle_deg, part.deviation_um, range(1, MOST_ORDER + 1)).coefficients_um

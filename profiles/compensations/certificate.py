@@ -11,11 +11,13 @@ end, as of a low-pass (the Q of learning control).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from profiles.compensations.change import OrderChange
+from profiles.compensations.learning import SURE
 from profiles.compensations.optimal_gain import PROCESS_LOSS_SD
 from profiles.compensations.path import MOST_HARMONICS
 
@@ -113,14 +115,20 @@ def certify_order(
     standing: OrderStatus,
     *,
     axial: int = 0,
+    clamped_um: float = 0.0,
 ) -> CertifiedOrder:
-    """Return the certificate of an order."""
-    tried = gain if standing is OrderStatus.LEARNED else 1.0  # what a step would do
+    """Return the certificate of an order, whose amplitude has the standard deviation `clamped_um` of a clamping.
+
+    That of this part is learned with the gain, and the next part has one of its own: both are in the bound.
+    """
+    learned, left_um = standing is OrderStatus.LEARNED, abs(shown.left_um or 0j)
+    tried = gain if learned else 1.0  # what a step would do
+    scatter = SURE * math.hypot(1.0, tried) * clamped_um / left_um if learned and left_um else 0.0
     return CertifiedOrder(
         order=order,
         gain=gain,
         factor=abs(1.0 - tried),
-        bound=bound_contraction(tried, follows.spread),
+        bound=bound_contraction(tried, follows.spread) + scatter,
         bound_gain_1=bound_contraction(1.0, follows.spread),
         on_part_um=_height(shown.on_part_um),
         left_um=_height(shown.left_um),

@@ -91,11 +91,9 @@ class OrderRules:
         if self.gain is not None:
             return self.gain
         spread = math.hypot(self.follows(seen.order).spread / SIGNIFICANT, PROCESS_LOSS_SD)
+        prior_um, clamped_um = PRIOR_OTHERS_UM, self.clamped_um(seen)
         if seen.order == self.lobes:
             prior_um = math.hypot(lobe_prior_um(self.lobe_um, self.lobes), spread * self.lobe_um)
-            clamped_um = self.scatter * self.lobe_um
-        else:
-            prior_um, clamped_um = PRIOR_OTHERS_UM, self.scatter * abs(seen.path_um + seen.error_um)
         varies_um = 0.0 if seen.order in self.chucked else scatter_um(seen.shown_um[seen.state.since :])
         scatter = Scatter(
             prior_um=max(prior_um, abs(seen.state.stepped_um)),
@@ -104,6 +102,10 @@ class OrderRules:
         )
         steps_um = seen.steps_um[seen.began + seen.state.since if seen.state.since else 0 :]
         return optimal_gain(scatter, [step for step in steps_um if step > STEP_UM], abs(seen.error_um))
+
+    def clamped_um(self, seen: OrderSeen) -> float:
+        """Return by how much an order differs from clamping to clamping: as the force, whatever the jaws make."""
+        return self.scatter * (self.lobe_um if seen.order == self.lobes else abs(seen.path_um + seen.error_um))
 
     def standing_of(self, seen: OrderSeen) -> OrderStatus:
         """Return whether an order is learned, or why not."""
@@ -145,7 +147,8 @@ def order_steps(parts: Sequence[OrderSeen], rules: OrderRules) -> OrderSteps:
             changes[seen.order] = seen.state.follow(seen.path_um + step_um) - seen.path_um
         elif standing is OrderStatus.VARIES and abs(seen.path_um) > STEP_UM:  # it would be cut into the next part
             changes[seen.order] = -seen.path_um
-        of_order = certify_order(seen.order, gain, seen.evidence, rules.follows(seen.order), standing)
+        how = gain, seen.evidence, rules.follows(seen.order), standing
+        of_order = certify_order(seen.order, *how, clamped_um=rules.clamped_um(seen))
         certificate.append(replace(of_order, change=change_of(seen.state, seen.order, seen.began)))
     return OrderSteps(changes_um=changes, gains=gains, certificate=tuple(certificate))
 

@@ -28,7 +28,7 @@ from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.heartbeat import cut_condition
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
 from profiles.compensations.certificate import CertifiedOrder, OrderStatus
-from profiles.compensations.learning import Deviation, HarmonicFit, coefficient_of
+from profiles.compensations.learning import Deviation, GrownHarmonic, HarmonicFit, coefficient_of
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath, free_state_lobe, target_path
 from profiles.job import Job
@@ -293,16 +293,18 @@ def test_with_six_jaws_the_second_is_rounder(console: Console, close: tuple[str,
     assert MADE["six"]["jaws"] == 6 and MOST_TRIM_UM < 13.8, "a trim alone could not"
 
 
-def part(ront_um: float) -> LearnedPart:
-    return SimpleNamespace(
-        roundness=SimpleNamespace(ront_um=ront_um), grown=(), trim_short={}, clamped=None, changes=()
-    )  # type: ignore[return-value]
+def part(ront_um: float, grown: tuple[GrownHarmonic, ...] = (), tool_um: float = 0.0) -> LearnedPart:
+    of: dict[str, Any] = {"grown": grown, "tool_off": Deviation(coefficients_um={2: complex(tool_um)})}
+    of |= {"trim_short": {}, "clamped": None, "changes": ()}
+    found: Any = SimpleNamespace(roundness=SimpleNamespace(ront_um=ront_um), **of)
+    return cast(LearnedPart, found)
 
 
-def row(parts: tuple[LearnedPart, ...]) -> LearnResult:
+def row(parts: tuple[LearnedPart, ...], before_um: float = 60.0) -> LearnResult:
     none: Any = None
     of: dict[str, Any] = {"simulated": True, "after": None, "collisions": (), "parts": parts}
-    return LearnResult(plan=none, before=none, floor=none, figures=none, **of)
+    before: Any = SimpleNamespace(ront_um=before_um)
+    return LearnResult(plan=none, before=before, floor=none, figures=none, **of)
 
 
 def said(*ront_um: float) -> list[tuple[str, str, str, str]]:
@@ -321,6 +323,22 @@ def said(*ront_um: float) -> list[tuple[str, str, str, str]]:
 )
 def test_no_rounder_part_is_no_gain(ront_um: tuple[float, ...], told: list[tuple[str, str, str, str]]) -> None:
     assert said(*ront_um) == told
+
+
+def test_parts_that_are_all_less_round_than_the_plain_one_are_advised_against() -> None:
+    told = row(tuple(map(part, (2.4, 2.6, 2.5))), before_um=1.8).warnings
+    assert [(each.code, each.value, each.limit) for each in told][-1:] == [("learning.worse", "2.4 um", "1.8 um")]
+    for better in ((2.4, 2.6, 2.0), (2.4,)):
+        assert "learning.worse" not in {each.code for each in row(tuple(map(part, better)), 1.8).warnings}
+
+
+@pytest.mark.parametrize(("off_um", "code"), [(0.3, "learning.grew_beside"), (1.5, "learning.grew")])
+def test_the_tool_is_blamed_for_an_order_that_grew_only_if_it_was_off_its_path(off_um: float, code: str) -> None:
+    grown = (GrownHarmonic(order=2, best_um=0.4, grown_um=2.2),)
+    told = row((part(3.0), part(2.0, grown, off_um))).warnings
+    assert [(each.code, each.value) for each in told] == [(code, "2.20 um")]
+    in_air = row((part(3.0, grown, off_um), part(2.0, grown, off_um))).warnings
+    assert [each.code for each in in_air] == ["learning.grew"], "in air there is only the tool"
 
 
 @pytest.mark.parametrize(("language", "words"), [("en", "gained nothing"), ("ko", "나아진 것이 없습니다")])

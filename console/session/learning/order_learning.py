@@ -250,7 +250,9 @@ class OrderLearning:
                 tool_off_um=tool_off.coefficients_um.get(n),
             )
             standing = self._standing(n, shown.left_um, part, frozen)
-            of_order = certify_order(n, gains.get(n, 0.0), shown, self.follows(n), standing)
+            clamped_um = self._clamped_um(n, abs(shown.on_part_um or 0j))
+            how = gains.get(n, 0.0), shown, self.follows(n), standing
+            of_order = certify_order(n, *how, clamped_um=clamped_um)
             found.append(replace(of_order, change=change_of(self.state(n), n)))
         return tuple(found)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from console.session.cut.run import RunResult
@@ -22,6 +22,10 @@ from profiles.roundness import RoundnessResult
 LARGE_UM_PP = 1.0
 """Error of the tool, p-p, from which the report says in words whence it came; a choice."""
 
+OF_TOOL = 0.5
+"""Fraction of an order by which the tool has to be off its path for the tool to be named; a choice."""
+
+FEWEST_WORSE = 2
 ONE_SIDED = 1.645  # standard deviations, 95 %
 CERTAIN_GAIN_UM = 2.0 * ONE_SIDED * math.sqrt(2.0) * REPEATS_SD_UM
 """Gain in RONt of one part over another that is more than what a harmonic does not repeat, peak to peak."""
@@ -83,10 +87,11 @@ class LearnResult(RunResult):
         """Return why the series has `ended`, implausible readings, changes, and orders that were not learned.
 
         Steps, and what drifts at last: `change_warnings`. Fingerprints that chance hardly explains:
-        `learning.surprise`; harmonics: `learning.grew`; parts that needed more trim: `learning.trim_short`; a last
-        part that is not certainly rounder than the first: `learning.no_gain`.
+        `learning.surprise`; harmonics: `learning.grew`, or `learning.grew_beside` where it was not the tool; parts
+        that needed more trim: `learning.trim_short`; a last part that is not certainly rounder than the first:
+        `learning.no_gain`; parts that are all less round than the one without compensation: `learning.worse`.
         """
-        grown = map(_grew, self.parts[-1].grown)
+        grown = (_grew(each, self.parts) for each in self.parts[-1].grown)
         return (
             *self.ended,
             *_find_doubtful_fingerprints(self.parts),
@@ -95,6 +100,7 @@ class LearnResult(RunResult):
             *grown,
             *_short_of_trim(self.parts),
             *_no_gain(self.parts),
+            *worse_than_plain([self.before.ront_um], [each.roundness.ront_um for each in self.parts]),
         )
 
 
@@ -117,9 +123,30 @@ def _no_gain(parts: tuple[LearnedPart, ...]) -> tuple[Problem, ...]:
     )
 
 
-def _grew(each: GrownHarmonic) -> Problem:
+def _grew(each: GrownHarmonic, parts: tuple[LearnedPart, ...]) -> Problem:
+    """Return why a harmonic is learned no more: the tool is named only if it was seen to be off by as much.
+
+    What has grown before the second part has grown in air, where the tool is all there is.
+    """
     grown, best = f"{each.grown_um:.2f} um", f"{each.best_um:.2f} um"
-    return Problem(code="learning.grew", key=f"{each.order}/rev", value=grown, limit=best)
+    off_um = max(abs(part.tool_off.coefficients_um.get(each.order, 0j)) for part in parts)
+    of_tool = each in parts[0].grown or off_um >= OF_TOOL * each.grown_um
+    code = "learning.grew" if of_tool else "learning.grew_beside"
+    return Problem(code=code, key=f"{each.order}/rev", value=grown, limit=best)
+
+
+def worse_than_plain(plain_um: Sequence[float], compensated_um: Sequence[float]) -> tuple[Problem, ...]:
+    """Return `learning.worse` if each compensated part is certainly less round than all without compensation.
+
+    RONt, um, of parts of one job on one machine; nothing of a single compensated part, which may be the first.
+    """
+    if not plain_um or len(compensated_um) < FEWEST_WORSE:
+        return ()
+    plain, best = max(plain_um), min(compensated_um)
+    if best - plain <= CERTAIN_GAIN_UM:
+        return ()
+    limit = f"{plain:.1f} um"
+    return (Problem(code="learning.worse", key=str(len(compensated_um)), value=f"{best:.1f} um", limit=limit),)
 
 
 def _short_of_trim(parts: tuple[LearnedPart, ...]) -> tuple[Problem, ...]:
