@@ -16,11 +16,15 @@ from profiles.metrology.conformity import ToleranceKind
 if TYPE_CHECKING:
     from console.session.data.run_story import RunEvent
     from console.session.learning.run_debrief import Incident, RunDebrief
+    from profiles.compensations.hypotheses import FaultDiagnosis
 
 Section = tuple[str, list[str]]
 """A title with its sentences."""
 
 LONGEST = 300
+MOST_RATIO = 1000.0
+CAUSES = "causes"  # of `Advice`
+USUAL = "usual"  # of `LatheFault`, which takes numpy with it
 _FORM: dict[tuple[ToleranceKind, bool | None], str] = {
     (ToleranceKind.ROUNDNESS, True): "round",
     (ToleranceKind.ROUNDNESS, False): "not_round",
@@ -32,9 +36,14 @@ def debrief_sections(debrief: RunDebrief, text: Catalogue) -> list[Section]:
     """Return the sections cost, next time, course, and gaps of the record."""
     ends = [told.event for told in debrief.happened if told.event is not None and told.event.kind in ENDS]
     ended = _event_words(ends[-1], text) if ends else text("records_page.ending.stopped")
+    words = printable(ended, LONGEST)
+    advice = [text(f"debrief.run.next.{each}", words=words) for each in debrief.advice]
+    if debrief.diagnosis is not None and CAUSES in debrief.advice:
+        place = [each.value for each in debrief.advice].index(CAUSES)
+        advice[place] = text("diagnosis.first", test=_test_words(debrief.diagnosis, text))
     found = [
         ("cost", cost_words(debrief, text)),
-        ("next", [text(f"debrief.run.next.{each}", words=printable(ended, LONGEST)) for each in debrief.advice]),
+        ("next", [*(text.problem(each) for each in debrief.worse), *advice]),
         ("happened", [incident_words(each, text) for each in debrief.happened]),
         ("unknown", [text.problem(each) for each in debrief.unknown]),
     ]
@@ -52,8 +61,10 @@ def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
             value, over = (text.units.figure(um, "um", 2) for um in (each.value_um, each.value_um - each.limit_um))
             limit, at = text.units.format_short(each.limit_um, "um"), place_words(each.z_mm, text)
             rows.append(text(f"debrief.run.{key}", value=value, limit=limit, over=over, at=at))
+    if found := debrief.diagnosis if part.passed is False else None:
+        rows.append(diagnosis_words(found, text))
     if rows and causes:
-        rows[-1] += f" {text('cause.title')}"
+        rows[-1] += f" {text('cause.title' if found is None else 'diagnosis.alone')}"
     rows += causes
     if debrief.off_um is not None and part.diameter_tolerance_um is not None:
         off, most = (
@@ -62,6 +73,30 @@ def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
         )
         rows.append(text("debrief.run.diameter", value=off, limit=most))
     return rows
+
+
+def diagnosis_words(found: FaultDiagnosis, text: Catalogue) -> str:
+    """Return the likeliest fault and the next; unless it is sure, what measurement would decide."""
+    best, other = found.best, found.next
+    ratio = f"{found.ratio:.{0 if found.sure else 1}f}" if found.ratio < MOST_RATIO else f"> {MOST_RATIO:.0f}"
+    said = {"best": text(f"diagnosis.name.{best.fault}"), "next": text(f"diagnosis.name.{other.fault}")}
+    um = text.units.figure(best.um_pp, "um", 1)
+    key = "diagnosis.sure" if found.sure else "diagnosis.open"
+    return text(key, **said, um=um, ratio=ratio, parts=found.parts, test=_test_words(found, text))
+
+
+def _test_words(found: FaultDiagnosis, text: Catalogue) -> str:
+    """Return the measurement that decides between the best and the next: that of the fault among them."""
+    return text(f"diagnosis.test.{found.next.fault if found.best.fault == USUAL else found.best.fault}")
+
+
+def diagnosis_fields(found: FaultDiagnosis | None) -> dict[str, object] | None:
+    """Return a diagnosis as plain values."""
+    if found is None:
+        return None
+    ranked = [{"fault": each.fault.value, "ln": each.log_likelihood, "um_pp": each.um_pp} for each in found.ranked]
+    named = {"best": found.best.fault.value, "next": found.next.fault.value}
+    return {**named, "ratio": found.ratio, "sure": found.sure, "parts": found.parts, "ranked": ranked}
 
 
 def incident_words(told: Incident, text: Catalogue) -> str:

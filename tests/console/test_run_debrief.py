@@ -357,7 +357,8 @@ def test_without_a_cause_nothing_is_called_most_likely(tmp_path: Path) -> None:
     assert "override 97 %" in told, "why it is not known"
     explained = run_debrief(recorded(tmp_path, turned()), tmp_path)
     rows = [row for _, rows in debrief_sections(explained, load("en")) for row in rows]
-    assert rows[0].endswith("Most likely, largest first:")
+    assert rows[0].endswith("too much.") and rows[1].startswith("Not sure") and "To decide:" in rows[1]
+    assert rows[1].endswith("largest first:")
 
 
 def test_the_log_has_the_name_under_which_a_job_is_stored_and_no_refused_entry() -> None:
@@ -398,3 +399,16 @@ def test_a_damaged_date_of_an_event_is_a_dash(tmp_path: Path) -> None:
 
     damaged = datetime.min.replace(tzinfo=UTC)
     assert (local(damaged), clock(damaged)) == ("–", "–")
+
+
+def test_a_row_that_a_compensation_makes_worse_is_told_to_cut_without(tmp_path: Path) -> None:
+    """Plain 1.8 um; with the path of the model 5.8 um, again and again."""
+    plain = replace(turned(), deviation_um=0.31 * turned(0.5).deviation_um)
+    recorded(tmp_path, plain, made=replace(MADE, strategy="none"), strategy="none")
+    stories = [recorded(tmp_path, turned()) for _ in range(3)]
+    for found, advised in zip(stories, (False, True, True), strict=True):
+        debrief = run_debrief(found, tmp_path)
+        assert [each.code for each in debrief.worse] == ["learning.worse"] * advised
+    assert debrief.diagnosis is not None and debrief.diagnosis.parts == 3
+    said = dict(debrief_sections(debrief, load("en")))["Next time"]
+    assert "cut without (--strategy none)" in said[0]

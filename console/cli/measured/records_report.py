@@ -148,7 +148,7 @@ def show_run(options: Namespace, text: Catalogue) -> None:
 def debrief_run(options: Namespace, text: Catalogue) -> None:
     """Print what a run cost, why, and what to do next time; as JSON with codes beside the sentences."""
     from console.session.learning.run_debrief import run_debrief
-    from console.text.run_debrief import debrief_sections, incident_words
+    from console.text.run_debrief import debrief_sections, diagnosis_fields, incident_words
 
     data = data_of(options)
     found = story(data, options.run)
@@ -162,6 +162,7 @@ def debrief_run(options: Namespace, text: Catalogue) -> None:
             **row_fields(found.row),
             "setup": found.setup,
             "causes": [asdict(cause) for cause in debrief.causes],
+            "diagnosis": diagnosis_fields(debrief.diagnosis),
             "next": [each.value for each in debrief.advice],
             "happened": [{"at_s": each.at_s, "text": incident_words(each, text)} for each in debrief.happened],
             "unknown": [each.code for each in debrief.unknown],

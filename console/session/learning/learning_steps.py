@@ -46,7 +46,7 @@ from profiles.arrays import read_only
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.grip import force_sd_n, lobe_um_per_n
 from profiles.compensations.axial_learning import fit_axial
-from profiles.compensations.causes import Cause, causes
+from profiles.compensations.causes import Cause, causes, seen_orders
 from profiles.compensations.certificate import (
     OrderStatus,
     ToolResponse,
@@ -55,6 +55,7 @@ from profiles.compensations.certificate import (
     promised_orders,
     refuse_orders,
 )
+from profiles.compensations.hypotheses import PartEvidence
 from profiles.compensations.learned_compensation import (
     MODEL,
     LearnedCompensation,
@@ -99,7 +100,10 @@ class LeftHarmonic:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearningOutcome:
-    """A learning step, its cut, warnings, each harmonic that could be learned, and why the part is not round."""
+    """A learning step, its cut, warnings, each harmonic that could be learned, and why the part is not round.
+
+    `evidence` is what the part is for a diagnosis, as far as its trace and its cut tell; None without its angles.
+    """
 
     step: LearningStep
     made: MadeWith
@@ -107,6 +111,7 @@ class LearningOutcome:
     warnings: tuple[Problem, ...]
     harmonics: tuple[LeftHarmonic, ...]
     causes: tuple[Cause, ...] = ()
+    evidence: PartEvidence | None = None
 
 
 def learn_from_trace(
@@ -204,6 +209,13 @@ def learn_from_part(
         warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
         harmonics=harmonics,
         causes=causes(part, cut, filed, tool_um=cut.tool_um, placed=part.is_placed),
+        evidence=PartEvidence(
+            left_um=seen_orders(part),
+            path_um=cut.fraction * coefficient_of(cut.path.target, filed.jaws),
+            tool_um=cut.tool_um or None,
+        )
+        if part.is_placed
+        else None,
     )
 
 
