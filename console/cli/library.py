@@ -11,13 +11,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from console.cli.arguments import DEFAULT_PLANT
-from console.session.data.kept_files import data_folder, jobs_folder, machines_folder, refuse_closed
+from console.session.data.kept_files import (
+    data_folder,
+    gauges_folder,
+    jobs_folder,
+    machines_folder,
+    refuse_closed,
+)
 from console.session.errors import SessionError
 from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
 from drivers.simulator.plant.which_lathe import ONE_LOBE_PLANTS, with_one_lobe
+from profiles.gauge import GaugeProfile
 from profiles.machine import MachineProfile, real_machine_problems
+from profiles.metrology.conformity import DecisionRule, FigureUncertainty
 from profiles.problem import Problem, ProfileError
-from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
+from profiles.store import LoadedJob, LoadedMachine, load_gauge, load_job, load_machine
 
 Loaded = TypeVar("Loaded", bound=LoadedMachine)
 
@@ -42,6 +50,27 @@ def data_of(options: Namespace) -> Path:
 def job_of(options: Namespace) -> LoadedJob:
     """Load the job named on the command line."""
     return load_job(options.job, jobs_folder(data_of(options)))
+
+
+def gauge_of(options: Namespace) -> GaugeProfile | None:
+    """Load the gauge named on the command line, with the rule asked for there; None where none is named."""
+    if options.gauge is None:
+        return None
+    gauge = load_gauge(options.gauge, gauges_folder(data_of(options)))
+    return gauge if options.accept is None else replace(gauge, decision_rule=options.accept)
+
+
+def uncertainty_of(options: Namespace) -> FigureUncertainty | None:
+    """Return the uncertainty by the gauge named on the command line; None where neither it nor a rule is named."""
+    gauge = gauge_of(options)
+    if gauge is None:
+        return None if options.accept is None else FigureUncertainty(rule=DecisionRule(options.accept))
+    return FigureUncertainty(
+        rule=gauge.rule,
+        roundness_um=gauge.roundness_u_um,
+        cylindricity_um=gauge.cylindricity_u_um,
+        diameter_um=gauge.diameter_u_um,
+    )
 
 
 def profile_of(options: Namespace) -> LoadedMachine:

@@ -13,6 +13,7 @@ from console.cli.arguments import (
     OUT_OF_TOLERANCE,
     WRONG_USAGE,
     add_fail_out_of_tolerance,
+    add_gauge,
     number,
     number_or_nan,
     whole_number,
@@ -53,6 +54,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--separate", metavar="DEG,DEG", type=_placements, help=text("help.separate"))
     parser.add_argument("--gauge-error", metavar="NAME", help=text("help.gauge_error"))
     parser.add_argument("--save-gauge-error", metavar="NAME", help=text("help.save_gauge_error"))
+    add_gauge(parser, text)
     add_fail_out_of_tolerance(parser, text)
 
 
@@ -225,7 +227,7 @@ def _judged(
     Raises ProfileError: `trace.off_cut`, a section lies off the cut; heights count from the jaw faces, if the
     header says nothing else.
     """
-    from console.cli.library import job_of
+    from console.cli.library import job_of, uncertainty_of
     from console.session.learning.evaluated_part import place_heights
     from profiles.metrology.conformity import judge_part
     from profiles.metrology.cylindricity import LEAST_SPAN
@@ -253,6 +255,7 @@ def _judged(
         sections=sections,
         taper_um=0.0 if whole is None else whole.taper_um,
         cylt_um=cylt_um,
+        uncertainty=uncertainty_of(options),
     )
 
 
