@@ -23,8 +23,7 @@ from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
 from drivers.simulator.plant.which_lathe import ONE_LOBE_PLANTS, with_one_lobe
 from profiles.gauge import GaugeProfile
 from profiles.machine import MachineProfile, real_machine_problems
-from profiles.metrology.conformity import DecisionRule, FigureUncertainty
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem, ProfileError, refusal_error
 from profiles.store import LoadedJob, LoadedMachine, load_gauge, load_job, load_machine
 
 Loaded = TypeVar("Loaded", bound=LoadedMachine)
@@ -53,24 +52,16 @@ def job_of(options: Namespace) -> LoadedJob:
 
 
 def gauge_of(options: Namespace) -> GaugeProfile | None:
-    """Load the gauge named on the command line, with the rule asked for there; None where none is named."""
+    """Load the gauge named on the command line, with the rule asked for there; None where none is named.
+
+    Raises `ProfileError` also for a rule without a gauge: `gauge.none_named`.
+    """
     if options.gauge is None:
+        if options.accept is not None:
+            raise refusal_error("gauge.none_named", key="--accept", value=options.accept, limit="--gauge NAME")
         return None
     gauge = load_gauge(options.gauge, gauges_folder(data_of(options)))
     return gauge if options.accept is None else replace(gauge, decision_rule=options.accept)
-
-
-def uncertainty_of(options: Namespace) -> FigureUncertainty | None:
-    """Return the uncertainty by the gauge named on the command line; None where neither it nor a rule is named."""
-    gauge = gauge_of(options)
-    if gauge is None:
-        return None if options.accept is None else FigureUncertainty(rule=DecisionRule(options.accept))
-    return FigureUncertainty(
-        rule=gauge.rule,
-        roundness_um=gauge.roundness_u_um,
-        cylindricity_um=gauge.cylindricity_u_um,
-        diameter_um=gauge.diameter_u_um,
-    )
 
 
 def profile_of(options: Namespace) -> LoadedMachine:

@@ -78,13 +78,13 @@ class JudgedFigure:
 
     @property
     def guard_um(self) -> float | None:
-        """By how much the value has to be off its limit; 0 of a simple rule, None with an unknown uncertainty.
+        """By how much the value has to be off its limit; 0 of a simple rule, None without a gauge, or without U.
 
         Of a diameter whose uncertainty is no small part of its tolerance, by more: see `conforming`.
         """
-        if not self.guarded:
+        if self.rule is DecisionRule.SIMPLE:
             return 0.0
-        if self.u_um is None:
+        if self.u_um is None or self.rule is None:
             return None
         return self.u_um if self.rule is DecisionRule.ISO_2013 else ONE_SIDED * self.u_um / COVERAGE_FACTOR
 
@@ -98,6 +98,11 @@ class JudgedFigure:
         if self.kind is not ToleranceKind.DIAMETER:
             return below
         return below - _share_below(-self.limit_um - self.value_um, u_um)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it was measured, and neither way is proven."""
+        return self.value_um is not None and self.passes is None
 
     @property
     def passes(self) -> bool | None:
