@@ -14,7 +14,7 @@ from profiles.problem import Problem, ProfileError
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """One group: Kienzle's two constants, Young's modulus, Poisson's ratio, and its yield strength."""
+    """One group: Kienzle's two constants, Young's modulus, Poisson's ratio, yield strength, expansion."""
 
     name: str
     kc1_n_per_mm2: float
@@ -22,6 +22,7 @@ class Material:
     youngs_modulus_gpa: float
     poisson: float
     yield_mpa: float
+    expansion_um_per_m_k: float
 
     @property
     def youngs_modulus_n_per_mm2(self) -> float:
@@ -30,15 +31,15 @@ class Material:
 
 
 MATERIALS: tuple[Material, ...] = (
-    Material("aluminium, wrought, not hardenable", 700, 0.25, 70, 0.33, 120),
-    Material("aluminium, wrought, hardenable", 800, 0.25, 70, 0.33, 240),
-    Material("aluminium, cast, up to 12 % Si", 700, 0.25, 73, 0.33, 90),
-    Material("steel, below 0.25 % C", 1350, 0.21, 206, 0.30, 235),
-    Material("steel, from 0.25 % C, annealed", 1500, 0.22, 206, 0.30, 340),
-    Material("steel, below 0.55 % C, quenched and tempered", 1675, 0.24, 206, 0.30, 490),
-    Material("steel, low alloy, annealed", 1775, 0.24, 206, 0.30, 415),
-    Material("steel, low alloy, quenched and tempered", 1800, 0.24, 206, 0.30, 700),
-    Material("stainless steel, austenitic", 2150, 0.20, 193, 0.29, 205),
+    Material("aluminium, wrought, not hardenable", 700, 0.25, 70, 0.33, 120, 23.5),
+    Material("aluminium, wrought, hardenable", 800, 0.25, 70, 0.33, 240, 23.5),
+    Material("aluminium, cast, up to 12 % Si", 700, 0.25, 73, 0.33, 90, 21.0),
+    Material("steel, below 0.25 % C", 1350, 0.21, 206, 0.30, 235, 12.0),
+    Material("steel, from 0.25 % C, annealed", 1500, 0.22, 206, 0.30, 340, 11.5),
+    Material("steel, below 0.55 % C, quenched and tempered", 1675, 0.24, 206, 0.30, 490, 11.5),
+    Material("steel, low alloy, annealed", 1775, 0.24, 206, 0.30, 415, 12.0),
+    Material("steel, low alloy, quenched and tempered", 1800, 0.24, 206, 0.30, 700, 12.0),
+    Material("stainless steel, austenitic", 2150, 0.20, 193, 0.29, 205, 16.5),
 )
 
 _WORDS: dict[str, int] = {

@@ -2,8 +2,8 @@
 
 A reference is the name of a saved profile (its file name without `.toml`; the operator's folder comes first),
 an entry of the library, or a path, which contains a separator or ends in `.toml`. A name is that of the file and
-of the profile in it, by which its records are found: else `job.name_differs`, `machine.name_differs`. Bundled
-profiles are never written.
+of the profile in it, by which its records are found: else `job.name_differs`, `machine.name_differs`,
+`gauge.name_differs`. Bundled profiles are never written.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any
 
 from profiles.fields import spell_toml
 from profiles.files import parse_toml, printable, read_toml, write_atomically
+from profiles.gauge import GaugeProfile, gauge_from_table
 from profiles.job import JOB_FIELDS, LABELS, Job, hash_of_job, job_from_table, with_labels
 from profiles.machine import MachineProfile, machine_from_table
 from profiles.problem import ProfileError, refusal_error
@@ -25,6 +26,7 @@ from profiles.problem import ProfileError, refusal_error
 _LIBRARY = Path(__file__).parent / "library"
 BUNDLED_JOBS = _LIBRARY / "jobs"
 BUNDLED_MACHINES = _LIBRARY / "machines"
+BUNDLED_GAUGES = _LIBRARY / "gauges"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,6 +89,19 @@ def load_machine(reference: str | LibraryEntry, user_folder: Path | None = None)
     return LoadedMachine(
         machine=machine, path=path, sha256=hashlib.sha256(content).hexdigest(), text=_text(content)
     )
+
+
+def list_gauges(user_folder: Path | None = None) -> tuple[LibraryEntry, ...]:
+    """Return the gauges by name; one in `user_folder` hides a bundled one of the same name."""
+    return _entries(BUNDLED_GAUGES, user_folder)
+
+
+def load_gauge(reference: str | LibraryEntry, user_folder: Path | None = None) -> GaugeProfile:
+    """Return the gauge that `reference` names, or raise `ProfileError` with every problem of it."""
+    path, name = _find(reference, list_gauges(user_folder), "gauge.unknown")
+    gauge = gauge_from_table(read_toml(path)[1], where=printable(str(path)))
+    _refuse_other_name("gauge.name_differs", path, name, gauge.name)
+    return gauge
 
 
 def save_job(job: Job, path: Path, *, overwrite: bool = False, private: bool = False) -> None:

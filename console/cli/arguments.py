@@ -115,6 +115,17 @@ def stated_identity(options: argparse.Namespace) -> dict[str, Any]:
         raise ProfileError(*problems) from refused
 
 
+def add_gauge(parser: Parser, text: Catalogue) -> None:
+    """Add the gauge that measured a part, and how its figures are judged with their uncertainty."""
+    from profiles.metrology.conformity import DecisionRule
+
+    parser.add_argument("--gauge", metavar="NAME", help=text("help.gauge"))
+    rules = [str(each) for each in DecisionRule]
+    parser.add_argument(
+        "--accept", metavar="RULE", choices=rules, help=text("help.accept", choices=" | ".join(rules))
+    )
+
+
 def add_job(parser: Parser, text: Catalogue) -> None:
     """Add the job as the first argument, and the machine."""
     parser.add_argument("job", metavar="JOB", help=text("help.job"))

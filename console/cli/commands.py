@@ -40,6 +40,7 @@ _COMMANDS = {
     "controller": "console.cli.machine.controller",
     "doctor": "console.cli.machine.doctor",
     "machines": "console.cli.site.machines",
+    "gauges": "console.cli.site.gauges",
     "config": "console.cli.site.config",
     "terminal": "console.screens.key_display",
     "backup": "console.cli.site.backup",

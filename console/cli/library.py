@@ -11,13 +11,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from console.cli.arguments import DEFAULT_PLANT
-from console.session.data.kept_files import data_folder, jobs_folder, machines_folder, refuse_closed
+from console.session.data.kept_files import (
+    data_folder,
+    gauges_folder,
+    jobs_folder,
+    machines_folder,
+    refuse_closed,
+)
 from console.session.errors import SessionError
 from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
 from drivers.simulator.plant.which_lathe import ONE_LOBE_PLANTS, with_one_lobe
+from profiles.gauge import GaugeProfile
 from profiles.machine import MachineProfile, real_machine_problems
-from profiles.problem import Problem, ProfileError
-from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
+from profiles.problem import Problem, ProfileError, refusal_error
+from profiles.store import LoadedJob, LoadedMachine, load_gauge, load_job, load_machine
 
 Loaded = TypeVar("Loaded", bound=LoadedMachine)
 
@@ -42,6 +49,19 @@ def data_of(options: Namespace) -> Path:
 def job_of(options: Namespace) -> LoadedJob:
     """Load the job named on the command line."""
     return load_job(options.job, jobs_folder(data_of(options)))
+
+
+def gauge_of(options: Namespace) -> GaugeProfile | None:
+    """Load the gauge named on the command line, with the rule asked for there; None where none is named.
+
+    Raises `ProfileError` also for a rule without a gauge: `gauge.none_named`.
+    """
+    if options.gauge is None:
+        if options.accept is not None:
+            raise refusal_error("gauge.none_named", key="--accept", value=options.accept, limit="--gauge NAME")
+        return None
+    gauge = load_gauge(options.gauge, gauges_folder(data_of(options)))
+    return gauge if options.accept is None else replace(gauge, decision_rule=options.accept)
 
 
 def profile_of(options: Namespace) -> LoadedMachine:

@@ -104,6 +104,7 @@ def names() -> Mapping[str, Any]:
     from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
     from profiles.fingerprint.readings import ClampReadings
     from profiles.metrology.cylindricity import CylinderResult, PartSection
+    from profiles.metrology.uncertainty import UncertaintyBudget
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
     from profiles.traces import Trace
@@ -118,6 +119,7 @@ def names() -> Mapping[str, Any]:
         Job,
         CylinderResult,
         PartSection,
+        UncertaintyBudget,
         RoundnessResult,
         LoadedJob,
         Trace,

@@ -319,8 +319,8 @@ def _diameters(run: OpenedRun, text: Catalogue) -> Markup | None:
         return paragraph(text("report.diameter_free", **facts))
     worst = mm((part.nominal_diameter_mm or 0.0) + judged.value_um / 1000.0) + place_words(judged.z_mm, text)
     facts |= {"diameter": worst, "off": f"{judged.value_um:+z.1f} µm"}
-    sign = SIGNS[Judgement.GOOD if judged.passes else Judgement.BAD]
-    return paragraph(f"{sign} {text('report.diameter_judged', **facts, limit=exact(limit_um, 'µm'))}")
+    judgement = {True: Judgement.GOOD, False: Judgement.BAD, None: Judgement.OPEN}[judged.passes]
+    return paragraph(f"{SIGNS[judgement]} {text('report.diameter_judged', **facts, limit=exact(limit_um, 'µm'))}")
 
 
 LEAST_UM = 0.01

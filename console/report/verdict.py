@@ -13,7 +13,7 @@ from console.session.data.run_rows import FAILED_HOW, RunOutcome
 from console.session.learning.opened_run import OpenedRun
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
-from console.text.part_sentences import place_words
+from console.text.part_sentences import judged_words, place_words, rule_words, u_words
 from console.text.recorded_words import Layout, ending_words
 from profiles.metrology.conformity import ToleranceKind
 
@@ -61,6 +61,8 @@ def judge_run(run: OpenedRun, text: Catalogue) -> ReportVerdict:
     passed = product.passed
     if passed is None:
         unproven = run.story.cut_verdict.get("cut_verdict") == CutJudgement.NOT_PROVEN
+        if any(each.is_open for each in product.judged) and not unproven and row.stage != Stage.PARTIAL:
+            return ReportVerdict(judgement=Judgement.OPEN, reasons=judged)
         open_for = "report.why.no_length" if product.is_good is None else "report.why.no_judgement"
         open_for = "report.why.no_sections" if product.ront_um is None else open_for
         open_for = "report.why.not_proven" if unproven else open_for
@@ -72,14 +74,21 @@ def judge_run(run: OpenedRun, text: Catalogue) -> ReportVerdict:
 def _list_verdict_reasons(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     """Yield each measured value against its limit."""
     recorded = run.product
-    if recorded is None or (recorded.passed is None and recorded.ront_um is not None):
+    if recorded is None:
+        return
+    is_open = any(each.is_open for each in recorded.judged)
+    if recorded.passed is None and recorded.ront_um is not None and not is_open:
         return
     for each in recorded.judged:
-        if each.value_um is not None:
+        if each.is_open:
+            yield judged_words(each, text)
+        elif each.value_um is not None:
             value, limit = against_limit(abs(each.value_um), each.limit_um)
             diameter = mm((recorded.nominal_diameter_mm or 0.0) + each.value_um / 1000.0)
             key = f"report.why.{'' if each.passes else 'not_'}{_WORDS[each.kind]}"
-            yield text(key, diameter=diameter, value=value, limit=limit, at=place_words(each.z_mm, text))
+            value += u_words(each, text)
+            said = text(key, diameter=diameter, value=value, limit=limit, at=place_words(each.z_mm, text))
+            yield f"{said} ({rule_words(each, text)})"
     yield from _tool(run.story.cut_verdict, text)
 
 

@@ -163,14 +163,34 @@ def judged_words(figure: JudgedFigure, text: Catalogue) -> str:
         is_form = figure.kind is ToleranceKind.CYLINDRICITY
         return text("judged.open" if is_form else "judged.open_roundness", limit=limit)
     sign = "+" if figure.kind is ToleranceKind.DIAMETER else ""
-    value = text.units.figure(figure.value_um, "um", 2, sign)
+    value = text.units.figure(figure.value_um, "um", 2, sign) + u_words(figure, text)
     words = text(f"judged.{figure.kind}", value=value, at=place_words(figure.z_mm, text))
-    return f"{words}: {text('run.within' if figure.passes else 'run.outside', limit=limit)}"
+    verdict = {True: "run.within", False: "run.outside", None: "run.unproven"}[figure.passes]
+    return f"{words}: {text(verdict, limit=limit)} ({rule_words(figure, text)})"
+
+
+def u_words(figure: JudgedFigure, text: Catalogue) -> str:
+    """Return the expanded uncertainty of a figure, to follow its value; "" if it is not known."""
+    return "" if figure.u_um is None else f" ± {text.units.figure(figure.u_um, 'um', 2)}"
+
+
+def rule_words(figure: JudgedFigure, text: Catalogue) -> str:
+    """Return by which rule a figure was judged, with its guard; that U is not stated without a gauge."""
+    if figure.rule is None or figure.u_um is None:
+        rule = "" if figure.rule is None else f", {text(f'judged.rule.{figure.rule}')}"
+        return text("judged.no_u") + rule
+    guard = text.units.figure(figure.guard_um or 0.0, "um", 2)
+    rule = text(f"judged.rule.{figure.rule}")
+    return text("judged.guard", rule=rule, guard=guard) if figure.guarded else rule
 
 
 def judged_fields(figures: Sequence[JudgedFigure]) -> dict[str, object]:
     """Return figures against their limits and the verdict on all as plain values; nothing without any."""
-    judged = [{**asdict(each), "passes": each.passes} for each in figures]
+    own = ("kind", "value_um", "limit_um", "z_mm", "passes", "guard_um")
+    judged = [
+        {**{name: getattr(each, name) for name in own}, "U_um": each.u_um, "decision_rule": each.rule}
+        for each in figures
+    ]
     return {"judged": judged, "within_tolerance": passes_all(figures)} if figures else {}
 
 

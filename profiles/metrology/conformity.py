@@ -2,14 +2,31 @@
 
 Roundness is judged at the least round section, cylindricity by CYLt (minimum zone, ISO 1101), the mean diameter at
 the section that is furthest off. Plain numbers, lengths in um, Z in mm: nothing is evaluated here.
+
+With a gauge a figure passes or fails only if that is proven by ISO 14253-1. Edition 2017: with a probability of
+95 %, the figure being normal about its value with the standard uncertainty U / 2 (JCGM 106, 7.2 and 7.3); of the
+one limit of RONt and CYLt that is a guard of 1.65 u, of the two of a diameter up to 1.96 u. The editions before
+(2013): a guard of U, k = 2. Between, neither is proven.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
+
+PROVEN = 0.95  # default probability of ISO 14253-1:2017
+COVERAGE_FACTOR = 2.0  # k: U = k u
+ONE_SIDED = 1.645  # standard deviations below which 95 % of a normal distribution lie
+
+
+class DecisionRule(StrEnum):
+    """How a figure with an uncertainty is judged; SIMPLE: by its value alone."""
+
+    ISO_2017 = "iso-14253-1:2017"
+    ISO_2013 = "iso-14253-1:2013"
+    SIMPLE = "simple"
 
 
 class ToleranceKind(StrEnum):
@@ -43,18 +60,87 @@ class JudgedFigure:
     """A figure against its limit: RONt, CYLt, or how far a mean diameter is off, positive if it is too large.
 
     `value_um` is None where it was not measured. `z_mm` is the section that is judged; None of CYLt,
-    and where its height is not known.
+    and where its height is not known. `u_um` is its expanded uncertainty (k = 2), None if it is not known, and
+    `rule` how it is judged with that, None without a gauge.
     """
 
     kind: ToleranceKind
     value_um: float | None
     limit_um: float
     z_mm: float | None = None
+    u_um: float | None = None
+    rule: DecisionRule | None = None
+
+    @property
+    def guarded(self) -> bool:
+        """Whether it passes or fails only beyond a guard."""
+        return self.rule not in (None, DecisionRule.SIMPLE)
+
+    @property
+    def guard_um(self) -> float | None:
+        """By how much the value has to be off its limit; 0 of a simple rule, None without a gauge, or without U.
+
+        Of a diameter whose uncertainty is no small part of its tolerance, by more: see `conforming`.
+        """
+        if self.rule is DecisionRule.SIMPLE:
+            return 0.0
+        if self.u_um is None or self.rule is None:
+            return None
+        return self.u_um if self.rule is DecisionRule.ISO_2013 else ONE_SIDED * self.u_um / COVERAGE_FACTOR
+
+    @property
+    def conforming(self) -> float | None:
+        """Probability that the true figure is within its limit; None if that is not known."""
+        if self.value_um is None or self.u_um is None:
+            return None
+        u_um = self.u_um / COVERAGE_FACTOR
+        below = _share_below(self.limit_um - self.value_um, u_um)
+        if self.kind is not ToleranceKind.DIAMETER:
+            return below
+        return below - _share_below(-self.limit_um - self.value_um, u_um)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it was measured, and neither way is proven."""
+        return self.value_um is not None and self.passes is None
 
     @property
     def passes(self) -> bool | None:
-        """Whether it is within its limit; None if it was not measured."""
-        return None if self.value_um is None else abs(self.value_um) <= self.limit_um
+        """Whether it is within its limit; None if it was not measured, or neither way is proven."""
+        if self.value_um is None:
+            return None
+        within_um = self.limit_um - abs(self.value_um)
+        if not self.guarded:
+            return within_um >= 0.0
+        if self.u_um is None or (conforming := self.conforming) is None:
+            return None
+        if self.rule is DecisionRule.ISO_2013:
+            proven, refuted = within_um >= self.u_um, within_um < -self.u_um
+        else:
+            proven, refuted = conforming >= PROVEN, conforming <= 1.0 - PROVEN
+        return True if proven else False if refuted else None
+
+
+def _share_below(distance_um: float, u_um: float) -> float:
+    """Return the part of a normal distribution below a limit that is so far above its mean."""
+    if u_um <= 0.0:
+        return 1.0 if distance_um >= 0.0 else 0.0
+    return 0.5 * math.erfc(-distance_um / (u_um * math.sqrt(2.0)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FigureUncertainty:
+    """Expanded uncertainties (k = 2) of the figures of a part, um; None is not known. `rule` judges with them."""
+
+    rule: DecisionRule
+    roundness_um: float | None = None
+    cylindricity_um: float | None = None
+    diameter_um: float | None = None
+
+    def of(self, kind: ToleranceKind) -> float | None:
+        """Return that of a figure."""
+        known = {ToleranceKind.ROUNDNESS: self.roundness_um, ToleranceKind.CYLINDRICITY: self.cylindricity_um}
+        return known.get(kind, self.diameter_um)
 
 
 def judge_part(
@@ -67,6 +153,7 @@ def judge_part(
     sections: Sequence[SectionForm] = (),
     taper_um: float = 0.0,
     cylt_um: float | None = None,
+    uncertainty: FigureUncertainty | None = None,
 ) -> tuple[JudgedFigure, ...]:
     """Return each figure of a part that has a limit, at its worst section.
 
@@ -76,6 +163,7 @@ def judge_part(
 
     Points that are no sections have no RONt (None): they show no roundness. `off_um` is that of their cylinder,
     whose radius rises by `taper_um` over the length: the diameter is judged at the end that is further off.
+    `uncertainty` is None without a gauge.
     """
     found, kind = list[JudgedFigure](), ToleranceKind
     if (limit_um := limits.roundness_um) is not None:
@@ -92,11 +180,13 @@ def judge_part(
         offs = [(off_um, z_mm), *((off_um + 2.0 * (each.mean_um - mean_um), each.z_mm) for each in sections)]
         worst_um, at_mm = max(offs, key=lambda each: abs(each[0]))
         found.append(JudgedFigure(kind=kind.DIAMETER, value_um=worst_um, limit_um=limit_um, z_mm=at_mm))
-    return tuple(found)
+    if uncertainty is None:
+        return tuple(found)
+    return tuple(replace(each, u_um=uncertainty.of(each.kind), rule=uncertainty.rule) for each in found)
 
 
 def passes_all(figures: Iterable[JudgedFigure]) -> bool | None:
-    """Return whether a part is good; None if nothing fails, but one was not measured."""
+    """Return whether a part is good; None if nothing fails, but a figure was not measured or is not proven."""
     judged = [each.passes for each in figures]
     return False if False in judged else None if None in judged else True
 

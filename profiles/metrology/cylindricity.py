@@ -175,7 +175,9 @@ def evaluate_cylinder(
     if len(heights) < LEAST_SECTIONS:
         value, limit = str(len(heights)), f">= {LEAST_SECTIONS}"
         raise refusal_error("trace.few_sections", key="z_mm", value=value, limit=limit)
-    whole = [_filtered(each, filter_upr, filter_kind) for each in sorted(sections, key=lambda each: each.z_mm)]
+    whole = [
+        filtered_section(each, filter_upr, filter_kind) for each in sorted(sections, key=lambda each: each.z_mm)
+    ]
     if filter_along_mm is not None:
         whole = _filtered_along(whole, filter_along_mm)
     angle = np.radians(np.concatenate([each.angle_deg for each in whole]))
@@ -187,7 +189,7 @@ def evaluate_cylinder(
     points = Points(angle=angle, z_mm=z - middle_mm, deviation_um=deviation, weight=weight)
     cylinders = tuple(reference_cylinder(kind, points, radius_mm) for kind in CYLINDERS)
     cylt_um = next(each.cylt_um for each in cylinders if each.kind == MINIMUM_ZONE)
-    turns = np.stack([_at(each, TURN_DEG) for each in whole])
+    turns = np.stack([section_at(each, TURN_DEG) for each in whole])
     least = min(each.angle_deg.size for each in whole)
     return CylinderResult(
         sections=tuple(map(_form, whole)),
@@ -285,7 +287,7 @@ def gaussian_along(z_mm: Floats, deviation_um: Floats, cutoff_mm: float) -> Floa
 def _filtered_along(sections: Sequence[PartSection], cutoff_mm: float) -> list[PartSection]:
     """Return the sections at the angles of the first, filtered along the part."""
     angle_deg = sections[0].angle_deg
-    stack = np.stack([_at(each, angle_deg) for each in sections])
+    stack = np.stack([section_at(each, angle_deg) for each in sections])
     found = gaussian_along(floats([each.z_mm for each in sections]), stack, cutoff_mm)
     return [
         replace(each, angle_deg=angle_deg, deviation_um=row) for each, row in zip(sections, found, strict=True)
@@ -395,7 +397,7 @@ def _extreme(kind: str, design: Floats, left_um: Floats) -> Floats:
     return floats(sign * span_um * optimum.prices[-4:])
 
 
-def _filtered(section: PartSection, filter_upr: float | None, filter_kind: FilterKind) -> PartSection:
+def filtered_section(section: PartSection, filter_upr: float | None, filter_kind: FilterKind) -> PartSection:
     """Return the section through the filter, with the mean and the centre that it has."""
     angle, profile = profile_of(section.angle_deg, section.deviation_um, filter_upr, filter_kind=filter_kind)
     mean, x, y = _centre(section)
@@ -427,7 +429,7 @@ def _lines(sections: Sequence[PartSection]) -> dict[str, Any]:
     def left(values: Floats) -> Floats:
         return floats(values - line @ np.linalg.lstsq(line, values, rcond=None)[0])
 
-    walls = np.stack([_at(each, TURN_DEG) for each in sections])
+    walls = np.stack([section_at(each, TURN_DEG) for each in sections])
     return {
         "taper_um": float(np.polyfit(z, mean, 1)[0] * np.ptp(z)),
         "crown_um": float(np.ptp(left(mean))),
@@ -436,7 +438,8 @@ def _lines(sections: Sequence[PartSection]) -> dict[str, Any]:
     }
 
 
-def _at(section: PartSection, angle_deg: Floats) -> Floats:
+def section_at(section: PartSection, angle_deg: Floats) -> Floats:
+    """Return the deviations of a section at these angles, interpolated."""
     order = np.argsort(np.mod(section.angle_deg, 360.0), kind="stable")
     turn = np.mod(section.angle_deg, 360.0)[order]
     return floats(np.interp(angle_deg, turn, section.deviation_um[order], period=360.0))

@@ -200,5 +200,8 @@ def test_a_run_whose_part_is_good_in_its_middle_only_is_told_by_the_exit_code(
         "limit_um": 100.0,
         "z_mm": None,
         "passes": True,
+        "guard_um": None,
+        "U_um": None,
+        "decision_rule": None,
     }
     assert [each["order"] for each in found["length_causes"] if each["kind"] == "lobe"][:1] == [3]

@@ -399,3 +399,37 @@ def test_another_filter_goes_by_its_name_and_is_named_with_the_result(console: C
     for wrong in ("2cr", "spline:", "spline:0.5", "12:15"):
         refused = console("roundness", str(path), "--filter", wrong)
         assert refused.code == 2 and wrong in refused.err and "gauss, spline, robust, 2rc" in refused.err
+
+
+def test_a_gauge_that_hides_an_oval_proves_no_part_good(console: Console, tmp_path: Path) -> None:
+    """An oval of 6 um and a spindle error against it: what is seen is round."""
+    angle = np.radians(np.arange(720.0) / 2.0)
+    seen = 3.0 * np.cos(2.0 * angle) - 3.0 * np.cos(2.0 * angle) + 0.5 * np.cos(3.0 * angle)
+    path, job = tmp_path / "part.csv", "lee-2001-experiment-1"
+    rows = "\n".join(f"{np.degrees(a)},{r:.6f}" for a, r in zip(angle, seen, strict=True))
+    path.write_text(f"# units_checked: yes\n# state: free\nangle_deg,deviation_um\n{rows}")
+
+    def judged(*gauge: str) -> dict[str, Any]:
+        found = console("roundness", str(path), "--job", job, *gauge, "--json").json
+        assert found["within_tolerance"] is found["judged"][0]["passes"]
+        return dict(found["judged"][0])
+
+    plain = judged()
+    assert (plain["passes"], plain["U_um"], plain["decision_rule"]) == (True, None, None)
+    open_ = judged("--gauge", "indicator-on-table")
+    assert (open_["passes"], open_["U_um"], open_["guard_um"]) == (None, None, None)
+    known = judged("--gauge", "certified-gauge")
+    assert (known["passes"], known["U_um"], known["decision_rule"]) == (True, 0.3, "iso-14253-1:2017")
+    assert known["guard_um"] == pytest.approx(1.645 * 0.15)
+    assert judged("--gauge", "indicator-on-table", "--accept", "simple")["passes"] is True
+
+    said = console("roundness", str(path), "--job", job, "--gauge", "indicator-on-table").out
+    assert "not proven either way against 5 um" in said and re.search("gauge spindle +not stated", said)
+    own = tmp_path / "own.toml"
+    own.write_text(
+        'name = "own"\nspindle_error_um = 3\nprobe_noise_um = 0\nprobe_gain_percent = 0\nrepeat_um = 0\n'
+    )
+    wrong = judged("--gauge", str(own))
+    assert wrong["passes"] is None and wrong["U_um"] == pytest.approx(6.0, rel=0.1)
+    refused = console("roundness", str(path), "--gauge", "none")
+    assert refused.code == 1 and "simulated-gauge" in refused.err

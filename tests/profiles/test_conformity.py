@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from profiles.metrology.conformity import (
+    DecisionRule,
     JudgedFigure,
     SectionForm,
     ToleranceKind,
@@ -67,3 +68,41 @@ def test_a_part_without_a_size_is_judged_by_its_form() -> None:
     found = judged(off_um=None)
     assert [each.kind for each in found] == [ToleranceKind.ROUNDNESS, ToleranceKind.CYLINDRICITY]
     assert passes_all(found) is True
+
+
+@pytest.mark.parametrize(
+    ("rule", "kind", "value_um", "passes"),
+    [
+        # U = 1 um: u = 0.5 um; 1.645 u = 0.8224 um below the one limit of 5 um, U = 1 um by the older edition.
+        ("iso-14253-1:2017", "roundness", 4.17, True),
+        ("iso-14253-1:2017", "roundness", 4.18, None),
+        ("iso-14253-1:2017", "roundness", 5.82, None),
+        ("iso-14253-1:2017", "roundness", 5.83, False),
+        ("iso-14253-1:2013", "cylindricity", 4.0, True),
+        ("iso-14253-1:2013", "cylindricity", 4.01, None),
+        ("iso-14253-1:2013", "cylindricity", 6.0, None),
+        ("iso-14253-1:2013", "cylindricity", 6.01, False),
+        ("iso-14253-1:2017", "diameter", -4.17, True),
+        ("iso-14253-1:2017", "diameter", -5.5, None),
+        ("simple", "roundness", 5.0, True),
+        ("simple", "roundness", 5.01, False),
+    ],
+)
+def test_a_figure_passes_or_fails_beyond_its_guard(
+    rule: str, kind: str, value_um: float, passes: bool | None
+) -> None:
+    figure = JudgedFigure(
+        kind=ToleranceKind(kind), value_um=value_um, limit_um=5.0, u_um=1.0, rule=DecisionRule(rule)
+    )
+    assert figure.passes is passes
+    unknown = replace(figure, u_um=None)
+    assert unknown.passes is (None if rule != "simple" else passes)
+
+
+def test_two_limits_of_a_narrow_diameter_take_more_than_one() -> None:
+    # Both limits 2 u away: 95.45 % within. 1.9 u away: 94.3 % (tables of the normal distribution).
+    figure = JudgedFigure(
+        kind=ToleranceKind.DIAMETER, value_um=0.0, limit_um=2.0, u_um=2.0, rule=DecisionRule.ISO_2017
+    )
+    assert figure.passes is True
+    assert replace(figure, limit_um=1.9).passes is None

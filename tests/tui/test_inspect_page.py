@@ -30,8 +30,9 @@ from console.tui.theme import Token
 from console.tui.ui_context import View
 from drivers.cutting.planning import Strategy
 from profiles.compensations.certificate import CertifiedOrder, OrderStatus, certify_push
-from profiles.metrology.conformity import JudgedFigure, ToleranceKind
+from profiles.metrology.conformity import DecisionRule, FigureUncertainty, JudgedFigure, ToleranceKind
 from profiles.metrology.cylindricity import PartSection, evaluate_cylinder
+from profiles.metrology.uncertainty import UncertaintyBudget
 from profiles.roundness import evaluate
 from profiles.traces import Trace
 from tests.golden_text import compare, writing
@@ -485,3 +486,14 @@ def test_a_verdict_keeps_its_section_in_the_room_of_80_columns(
     figure = JudgedFigure(kind=kind, value_um=value_um, limit_um=10.0, z_mm=29.5)
     (row,) = [plain_text([judged_line(figure, 46.95, load(language), 32)])]
     assert "Z 29.5" in row and "…" not in row
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("room", [*ROOMS, SMALLEST_ROOM])
+def test_a_verdict_has_its_u_and_is_open_where_not_proven(room: tuple[int, int], language: str) -> None:
+    words = {"en": ("PASS", "NOT PROVEN"), "ko": ("합격", "증명 안 됨")}[language]
+    for u_um, word in zip((0.3, None), words, strict=True):
+        said = FigureUncertainty(rule=DecisionRule.ISO_2017, roundness_um=u_um)
+        budget = UncertaintyBudget(gauge="a gauge", rows=(), expanded=said)
+        page = shown(StationState(measured=replace(AFTER, budget=budget), uncompensated=BEFORE), room, language)
+        assert (word in page, "±0.30" in page) == (True, u_um is not None)

@@ -12,6 +12,7 @@ from console.cli.arguments import (
     STAGES,
     WRONG_USAGE,
     add_fail_out_of_tolerance,
+    add_gauge,
     add_identity,
     add_job,
     add_lathe_part,
@@ -45,6 +46,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--fingerprint", metavar=f"FILE|{INDICATOR}", help=text("help.fingerprint_of"))
     parser.add_argument("--part", metavar="FILE.csv", help=text("help.part"))
     add_identity(parser, text)
+    add_gauge(parser, text)
     add_fail_out_of_tolerance(parser, text)
     parser.add_argument("--yes", action="store_true", help=text("help.run.yes"))
 

@@ -21,7 +21,7 @@ from console.cli.output import confirm_motion, fields_of, harmonics_of, show
 from console.cli.output import tell as tell_problems
 from console.session.cut.engine import CutContext, NotAsPlannedError, PartStep
 from console.session.cut.in_process import simulated_context
-from console.session.cut.recording import CutRecorder, LogRecorder, part_record
+from console.session.cut.recording import CutRecorder, LogRecorder, budget_event, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
 from console.session.cut.simulated_parts import LatheParts, lathe_setup
 from console.session.cut.telemetry import stretches_event
@@ -112,6 +112,7 @@ def result_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         **fields_of(plan.job, *TOLERANCES),
         "within_tolerance": None,
         **part_sentences.judged_fields(result.judged),
+        **budget_event(result.budget),
         **fields_of(figures, "tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um"),
         **tool_event(figures.tool_lobe_um, figures.push_um),
         **figures.event(),
@@ -532,7 +533,7 @@ def _cut_job(
             context, simulated = simulated_context(request.machine.machine, request.true, tracing)
             dates.follow(simulated.now_s)
             interruption.guard(context.lathe.stop)
-            return replace(context, recorder=recorder)
+            return replace(context, recorder=recorder, gauge=request.gauge)
 
         if request.parts is None:
             return run(request.plan, open_machine, tell)
@@ -558,7 +559,7 @@ def _cut_there(
 ) -> RunResult:
     try:
         commissioned = commissioning(reached, request.machine, data)
-        context = replace(machine_context(reached, commissioned), recorder=recorder)
+        context = replace(machine_context(reached, commissioned), recorder=recorder, gauge=request.gauge)
         result = run_once(request.plan, context, tell)
         if not leave(reached.lathe, reached.owning):
             raise SessionError(Problem(code="machine.state_unknown"))

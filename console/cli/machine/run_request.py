@@ -10,6 +10,7 @@ from console.cli.arguments import DEFAULT_PLANT, INDICATOR
 from console.cli.library import (
     along_as_there,
     data_of,
+    gauge_of,
     job_of,
     known_lathe,
     lathe_parts_of,
@@ -52,6 +53,7 @@ from profiles.compensations.learned_compensation import (
 )
 from profiles.compensations.path import CutPath
 from profiles.files import printable
+from profiles.gauge import GaugeProfile
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
@@ -66,7 +68,8 @@ class RunRequest:
     series, each part of it `felt` by an indicator or not. `part_file` is the file for the trace of the part.
     `fingerprint` is what an indicator has shown of the clamping of a single part. `warnings` are reported before
     anything moves, among them what was learned and is not used in this cut.
-    `lathe_parts` are those of the simulated lathe that it cuts, None if all of its parts are alike.
+    `lathe_parts` are those of the simulated lathe that it cuts, None if all of its parts are alike. `gauge` is
+    what its parts are measured on, None if it is not stated.
     """
 
     job: LoadedJob
@@ -81,6 +84,7 @@ class RunRequest:
     fingerprint: FingerprintedCut | None = None
     felt: bool = False
     lathe_parts: LatheParts | None = None
+    gauge: GaugeProfile | None = None
 
     @property
     def which(self) -> WhichLathe | None:
@@ -141,6 +145,7 @@ def plan_request(options: Namespace) -> RunRequest:
         fingerprint=fingerprint,
         felt=options.fingerprint is not None,
         lathe_parts=lathe_parts,
+        gauge=gauge_of(options),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from console.cli.arguments import (
     OUT_OF_TOLERANCE,
     WRONG_USAGE,
     add_fail_out_of_tolerance,
+    add_gauge,
     number,
     number_or_nan,
     whole_number,
@@ -22,10 +23,12 @@ from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
     from profiles.metrology.conformity import JudgedFigure
-    from profiles.metrology.cylindricity import CylinderResult
+    from profiles.metrology.cylindricity import CylinderResult, PartSection
     from profiles.metrology.profile_filters import FilterKind
     from profiles.metrology.separation import Placement
+    from profiles.metrology.uncertainty import UncertaintyBudget
     from profiles.problem import Problem
+    from profiles.roundness import RoundnessResult
     from profiles.trace_files.header import TraceHeader
     from profiles.trace_files.sections import SurfacePoints, TraceSection
 
@@ -53,6 +56,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--separate", metavar="DEG,DEG", type=_placements, help=text("help.separate"))
     parser.add_argument("--gauge-error", metavar="NAME", help=text("help.gauge_error"))
     parser.add_argument("--save-gauge-error", metavar="NAME", help=text("help.save_gauge_error"))
+    add_gauge(parser, text)
     add_fail_out_of_tolerance(parser, text)
 
 
@@ -66,6 +70,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         take_error_off,
     )
     from console.cli.measured.roundness_report import (
+        budget_lines,
         judged_rows,
         roundness_lines,
         trace_fields,
@@ -74,11 +79,12 @@ def main(options: Namespace, text: Catalogue) -> int:
     )
     from console.cli.measured.trace_evaluation import evaluate_trace_file
     from console.cli.output import show, tell
+    from console.session.cut.recording import budget_event
     from console.text.columns import table
     from console.text.part_sentences import at_height, judged_fields, section_words
     from profiles.files import printable
     from profiles.metrology.conformity import passes_all
-    from profiles.metrology.cylindricity import LEAST_SECTIONS
+    from profiles.metrology.cylindricity import LEAST_SECTIONS, PartSection
     from profiles.problem import refusal_error
     from profiles.trace_files.sections import SurfacePoints, read_surface
 
@@ -115,12 +121,22 @@ def main(options: Namespace, text: Catalogue) -> int:
     more = {"meta": dict(measured.trace.meta), "warnings": warnings}
     z_mm, result = sections[0].z_mm, measured.result
     fields, lines = {**fields, "z_mm": z_mm}, [at_height(z_mm, text), *lines]
-    judged = _judged(options, measured.header, z_mm, result.ront_um, result.mean_deviation_um)
+    place = PartSection(
+        z_mm=z_mm or 0.0, angle_deg=measured.turn.angle_deg, deviation_um=measured.turn.deviation_um
+    )
+    budget = _budget(
+        options, [] if options.vblock is not None else [place], measured.trace.meta, measured.header, result
+    )
+    judged = _judged(options, budget, measured.header, z_mm, result.ront_um, result.mean_deviation_um)
     said = ["", section_words(z_mm, text), *table(judged_rows(judged, text))] if judged else []
-    fields |= judged_fields(judged)
+    fields |= judged_fields(judged) | budget_event(budget)
     if apart is not None:
         fields["separation"], lines = separation_fields(apart), [*separation_lines(apart, text), *lines]
-    show(options, lambda: {"file": options.file, **fields, **more}, lambda: [*lines, *said])
+    show(
+        options,
+        lambda: {"file": options.file, **fields, **more},
+        lambda: [*lines, *budget_lines(budget, text), *said],
+    )
     return OUT_OF_TOLERANCE if options.fail_out_of_tolerance and passes_all(judged) is False else 0
 
 
@@ -129,12 +145,13 @@ def _whole(
 ) -> int:
     """Print the form over the length of a part that was measured in several sections, or in points."""
     from console.cli.library import job_of, naming
-    from console.cli.measured.roundness_report import form_fields, form_lines
+    from console.cli.measured.roundness_report import budget_lines, form_fields, form_lines
     from console.cli.output import show, tell
+    from console.session.cut.recording import budget_event
     from console.text.part_sentences import judged_fields
     from profiles.files import printable
     from profiles.metrology.conformity import passes_all
-    from profiles.metrology.cylindricity import LEAST_SQUARES, coarse_points
+    from profiles.metrology.cylindricity import LEAST_SQUARES, coarse_points, part_section
     from profiles.problem import ProfileError
     from profiles.trace_files.header import header_of
     from profiles.trace_files.sections import SurfacePoints, no_sections
@@ -155,14 +172,16 @@ def _whole(
         whole = _evaluate(options, found)
     warnings = tell(doubts, text)
     if isinstance(found, SurfacePoints):  # of points that are no sections only the form is known
-        heights, mean_um = found.z_mm.tolist(), whole.cylinder(LEAST_SQUARES).deviation_um
-        judged = _judged(options, header, None, None, mean_um, whole, (min(heights), max(heights)))
+        budget, mean_um = _budget(options, (), meta, header, None), whole.cylinder(LEAST_SQUARES).deviation_um
+        heights = found.z_mm.tolist()
+        judged = _judged(options, budget, header, None, None, mean_um, whole, (min(heights), max(heights)))
     else:
+        budget = _budget(options, [part_section(each) for each in found], meta, header, None)
         first, heights = whole.sections[0], [each.z_mm for each in whole.sections]
-        judged = _judged(options, header, first.z_mm, first.ront_um, first.mean_um, whole, heights)
+        judged = _judged(options, budget, header, first.z_mm, first.ront_um, first.mean_um, whole, heights)
     fields = {"files": [options.file, *options.others], **form_fields(whole, meta), **judged_fields(judged)}
-    fields["warnings"] = [*told, *warnings]
-    show(options, lambda: fields, lambda: form_lines(whole, meta, judged, text))
+    fields |= {"warnings": [*told, *warnings], **budget_event(budget)}
+    show(options, lambda: fields, lambda: [*budget_lines(budget, text), *form_lines(whole, meta, judged, text)])
     if options.fail_out_of_tolerance and passes_all(judged) is False:
         return OUT_OF_TOLERANCE
     if options.fail_out_of_tolerance and isinstance(found, SurfacePoints):  # its roundness is not known
@@ -211,8 +230,41 @@ def _evaluate(options: Namespace, found: Sequence[TraceSection] | SurfacePoints)
     return evaluate_cylinder(sections, filter_upr=upr, filter_along_mm=options.filter_along, filter_kind=kind)
 
 
+def _budget(
+    options: Namespace,
+    sections: Sequence[PartSection],
+    meta: Mapping[str, str],
+    header: TraceHeader,
+    result: RoundnessResult | None,
+) -> UncertaintyBudget | None:
+    """Return the uncertainty by the gauge named on the command line, None without one; of points no sections."""
+    from console.cli.library import data_of, gauge_of, job_of
+    from console.session.learning.gauge_errors import newest_error
+    from profiles.metrology.uncertainty import part_budget, points_budget
+    from profiles.trace_files.header import GAUGE_ERROR
+
+    gauge = gauge_of(options)
+    if gauge is None or not sections:
+        return None if gauge is None else points_budget(gauge)
+    job = None if options.job is None else job_of(options).job
+    upr, kind = options.filter
+    is_off = options.gauge_error is not None and GAUGE_ERROR in meta
+    error = newest_error(data_of(options), options.gauge_error) if is_off else None
+    return part_budget(
+        gauge,
+        sections,
+        result,
+        filter_upr=upr if result is None else result.filter_upr,
+        filter_kind=kind,
+        header=header,
+        job=job,
+        error=error,
+    )
+
+
 def _judged(
     options: Namespace,
+    budget: UncertaintyBudget | None,
     header: TraceHeader,
     z_mm: float | None,
     ront_um: float | None,
@@ -253,6 +305,7 @@ def _judged(
         sections=sections,
         taper_um=0.0 if whole is None else whole.taper_um,
         cylt_um=cylt_um,
+        uncertainty=None if budget is None else budget.expanded,
     )
 
 

@@ -25,6 +25,7 @@ from profiles.metrology.cylindricity import CylinderResult
 from profiles.metrology.harmonics import usable_factor
 from profiles.metrology.length_causes import causes_of_failure
 from profiles.metrology.profile_filters import transmission
+from profiles.metrology.uncertainty import UncertaintyBudget
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult
 from profiles.trace_files.header import TraceHeader
@@ -123,6 +124,23 @@ def judged_rows(figures: Sequence[JudgedFigure], text: Catalogue) -> list[tuple[
     """Return the verdict of each figure as rows of a table of two columns, the first with its name."""
     words = [judged_words(each, text) for each in figures]
     return [("" if number else text("run.verdict"), each) for number, each in enumerate(words)]
+
+
+def budget_lines(budget: UncertaintyBudget | None, text: Catalogue) -> list[str]:
+    """Return the standard uncertainty from each source as a table, with U in its last row; nothing without one."""
+    if budget is None:
+        return []
+    names = ("roundness", "cylindricity", "diameter")
+    rows = [(text("budget.source"), "u RONt", "u CYLt", "u D")]
+    for row in budget.rows:
+        found = [getattr(row, f"{name}_um") for name in names]
+        said = [text("budget.unknown") if um is None else f"{um:.3f}" if um else "" for um in found]
+        rows.append((text(f"budget.{row.source}"), said[0], said[1], said[2]))
+    whole = [
+        "" if um is None else f"{um:.3f}" for um in (getattr(budget.expanded, f"{name}_um") for name in names)
+    ]
+    rows.append((text("budget.expanded"), whole[0], whole[1], whole[2]))
+    return ["", text("budget.title", gauge=budget.gauge), *table(rows, numeric=(1, 2, 3))]
 
 
 def cause_rows(whole: CylinderResult, judged: Sequence[JudgedFigure], text: Catalogue) -> list[str]:

@@ -33,6 +33,7 @@ from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import way_problems
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.fingerprint.readings import ClampReadings
+from profiles.gauge import GaugeProfile
 from profiles.job import Job
 from profiles.metrology.cylindricity import PartSection
 from profiles.problem import Problem
@@ -98,6 +99,7 @@ class CutContext:
     `commissioned` returns every reason why the machine, as the snapshot shows it, may not cut. Whoever connects
     for one cut alone calls `admit` once the controller answers, before anything is written. `sets_spindle` says
     that the workshop sets the spindle for the cut and switches it off afterwards. `recorder` keeps the telemetry.
+    `gauge` is what the parts are measured on, None if it is not stated.
     """
 
     lathe: Lathe
@@ -106,6 +108,7 @@ class CutContext:
     admit: Callable[[], None] = lambda: None
     sets_spindle: bool = False
     recorder: CutRecorder = field(default_factory=CutRecorder)
+    gauge: GaugeProfile | None = None
 
     @property
     def simulated(self) -> bool:

@@ -10,7 +10,13 @@ import numpy as np
 
 from console.session.cut.cut_verdict import CutVerdict
 from console.session.cut.telemetry import PHASE_SAMPLES, Floats, phase_of
-from console.session.data.measured_part import CYLINDRICITY_LIMIT, SECTION_Z, RecordedPart, result_data
+from console.session.data.measured_part import (
+    CYLINDRICITY_LIMIT,
+    SECTION_Z,
+    UNCERTAINTY,
+    RecordedPart,
+    result_data,
+)
 from console.session.data.run_log import Poll, RunLog
 from console.session.stages import Stage
 from drivers.cutting.planning import CutPlan
@@ -21,6 +27,7 @@ from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
 from profiles.metrology.cylindricity import CylinderResult, PartSection
 from profiles.metrology.turns import mean_diameter_mm
+from profiles.metrology.uncertainty import UncertaintyBudget
 from profiles.metrology.unrolled import unroll
 from profiles.roundness import RoundnessResult
 from profiles.trace_files.header import header_of
@@ -55,7 +62,12 @@ class CutRecorder:
         """Take a window that the controller has sampled."""
 
     def record_measured_part(
-        self, job: Job, trace: Trace, whole: CylinderResult | None, sections: Sequence[PartSection]
+        self,
+        job: Job,
+        trace: Trace,
+        whole: CylinderResult | None,
+        sections: Sequence[PartSection],
+        budget: UncertaintyBudget | None,
     ) -> None:
         """Take the part of the last cut, its middle and the whole. It may wait; SessionError `record.lost`."""
 
@@ -95,16 +107,26 @@ class LogRecorder(CutRecorder):
         self._log.add_window(self._name, np.column_stack([batch.angle_deg / 360.0, past_mm, batch.infeed_um]))
 
     def record_measured_part(
-        self, job: Job, trace: Trace, whole: CylinderResult | None, sections: Sequence[PartSection]
+        self,
+        job: Job,
+        trace: Trace,
+        whole: CylinderResult | None,
+        sections: Sequence[PartSection],
+        budget: UncertaintyBudget | None,
     ) -> None:
         """Keep the part of the last cut."""
-        more = {SECTION_Z: middle_mm(job), **form_event(whole, sections)}
+        more = {SECTION_Z: middle_mm(job), **form_event(whole, sections), **budget_event(budget)}
         self._keep(job, trace, part=self._name, product=self._product, proven=self._proven, more=more)
 
 
 def form_event(whole: CylinderResult | None, sections: Sequence[PartSection]) -> dict[str, object]:
     """Return the form of a part over its length for the record, and its sections as they are drawn."""
     return {} if whole is None else {**whole.event(), **unroll(sections, whole.filter_upr).event()}
+
+
+def budget_event(budget: UncertaintyBudget | None) -> dict[str, object]:
+    """Return the uncertainty of a part for records and results in JSON; nothing without a gauge."""
+    return {} if budget is None else {UNCERTAINTY: budget.event()}
 
 
 class TelemetryRows:

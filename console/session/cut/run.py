@@ -35,14 +35,18 @@ from drivers.lathe.snapshot import Snapshot
 from profiles.compensations.force_null import ForceNull
 from profiles.compensations.path import CutPath, ExpectedResidual, expect_residual
 from profiles.findings import Severity, refusals
+from profiles.gauge import GaugeProfile
 from profiles.job import Job
 from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
 from profiles.metrology.conformity import JudgedFigure, judge_part, passes_all
 from profiles.metrology.cylindricity import LEAST_SECTIONS, CylinderResult, PartSection, evaluate_cylinder
+from profiles.metrology.separation import GaugeError
+from profiles.metrology.uncertainty import UncertaintyBudget, part_budget
 from profiles.problem import Problem, ProblemError
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.rules import check
+from profiles.trace_files.header import header_of
 from profiles.traces import Trace
 
 FILTER_UPR = 50.0  # cut-off of the roundness filter for the comparison of before and after
@@ -84,8 +88,8 @@ class RunResult:
     """Result of a run: `before` is the same job cut without compensation, `after` with the strategy.
 
     A part that was not cut or not measured is None. `trace` is that of the part of `after` in the middle of its
-    cut, `whole` its form over the length; `collisions` are those
-    of the tool in either cut, each kind once. `force` is the check by the force of a half-stage cut.
+    cut, `whole` its form over the length, `budget` the uncertainty of both; `collisions` are those of the tool in
+    either cut, each kind once. `force` is the check by the force of a half-stage cut.
     """
 
     plan: RunPlan
@@ -96,6 +100,7 @@ class RunResult:
     collisions: tuple[str, ...]
     trace: Trace | None = None
     whole: CylinderResult | None = None
+    budget: UncertaintyBudget | None = None
     force: ForceNull | None = None
 
     @property
@@ -127,6 +132,7 @@ class RunResult:
             z_mm=middle_mm(job),
             sections=() if self.whole is None else self.whole.sections,
             cylt_um=None if self.whole is None else self.whole.cylt_um,
+            uncertainty=None if self.budget is None else self.budget.expanded,
         )
 
     @property
@@ -240,6 +246,7 @@ class CutOutcome:
     figures: CutFigures
     collisions: tuple[str, ...]
     whole: CylinderResult | None = None
+    budget: UncertaintyBudget | None = None
     force: ForceNull | None = None
 
 
@@ -325,15 +332,16 @@ def _switch_on(context: CutContext, job: Job, *, homed: bool, blank: bool) -> No
 def _outcome(context: CutContext, job: Job, end: CutEnd, tell: Tell, *, measured: bool) -> CutOutcome:
     if end.figures is None:
         raise SessionError(nothing_seen(job))
-    workshop, trace, whole = context.workshop, None, None
+    workshop, trace, whole, budget = context.workshop, None, None, None
     if workshop is not None and measured:
         tell(PartStep.MEASURE, "")
         trace = workshop.measure()
         sections = workshop.sections()
         whole = measured_whole(sections)
-        context.recorder.record_measured_part(job, trace, whole, sections)
+        budget = measured_budget(context.gauge, job, trace, sections)
+        context.recorder.record_measured_part(job, trace, whole, sections, budget)
     collisions = () if workshop is None else workshop.look().collisions
-    return CutOutcome(trace=trace, figures=end.figures, collisions=collisions, whole=whole)
+    return CutOutcome(trace=trace, figures=end.figures, collisions=collisions, whole=whole, budget=budget)
 
 
 def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionError:
@@ -414,6 +422,7 @@ def _result(plan: RunPlan, context: CutContext, before: CutOutcome | None, after
         collisions=tuple(dict.fromkeys((*earlier, *after.collisions))),
         trace=after.trace,
         whole=after.whole,
+        budget=after.budget,
         force=after.force,
     )
 
@@ -421,6 +430,27 @@ def _result(plan: RunPlan, context: CutContext, before: CutOutcome | None, after
 def measured_whole(sections: Sequence[PartSection]) -> CylinderResult | None:
     """Return the form over its length of a measured part; None where it has too few sections for it."""
     return evaluate_cylinder(sections, filter_upr=FILTER_UPR) if len(sections) >= LEAST_SECTIONS else None
+
+
+def measured_budget(
+    gauge: GaugeProfile | None,
+    job: Job,
+    trace: Trace,
+    sections: Sequence[PartSection] = (),
+    error: GaugeError | None = None,
+) -> UncertaintyBudget | None:
+    """Return the uncertainty of a part as it is measured here, None without a gauge.
+
+    Without several `sections` it is that of the one of its trace. `error` of the gauge was taken off.
+    """
+    if gauge is None:
+        return None
+    header, _ = header_of(trace.meta)
+    one = PartSection(z_mm=0.0, angle_deg=trace.angle_deg, deviation_um=trace.deviation_um)
+    result = roundness_of(trace)
+    return part_budget(
+        gauge, sections or (one,), result, filter_upr=FILTER_UPR, header=header, job=job, error=error
+    )
 
 
 def roundness_of(trace: Trace) -> RoundnessResult:

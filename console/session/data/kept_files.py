@@ -24,7 +24,7 @@ CAP_BYTES = 1_000_000
 MOST_OFFERED = 500  # files of a folder, the newest ones
 
 APPLICATION = "trilobe"
-READ_FROM = ("jobs", "machines", "learned", "calibrations", "stops", "trials")
+READ_FROM = ("jobs", "machines", "gauges", "learned", "calibrations", "stops", "trials")
 """Folders in the data folder from which files are taken by themselves."""
 
 
@@ -180,6 +180,11 @@ def jobs_folder(data: Path) -> Path:
 def machines_folder(data: Path) -> Path:
     """Return the folder of the site's own machines."""
     return data / "machines"
+
+
+def gauges_folder(data: Path) -> Path:
+    """Return the folder of the site's own gauges."""
+    return data / "gauges"
 
 
 TOLERANCE = timedelta(minutes=10)  # allowed clock difference of two computers that share a data folder

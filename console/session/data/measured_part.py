@@ -21,6 +21,8 @@ from console.session.force_record import force_of
 from drivers.simulator.plant.which_lathe import LATHE, WHICH
 from profiles.files import printable
 from profiles.metrology.conformity import (
+    DecisionRule,
+    FigureUncertainty,
     JudgedFigure,
     SectionForm,
     ToleranceKind,
@@ -307,6 +309,7 @@ PART_COLUMNS = (
 _BOOLEAN = ("product", "passed")
 SECTION_KEYS = ("z_mm", "RONt_um", "mean_um")
 CYLINDRICITY_LIMIT = "cylindricity_tolerance_um"  # of the figures of a part
+UNCERTAINTY = "uncertainty"  # of the figures of a part, as `UncertaintyBudget.event` has it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -388,6 +391,20 @@ class RecordedPart:
             sections=self.sections,
             taper_um=number_or_none(self.data.get("taper_um")) or 0.0,
             cylt_um=number_or_none(self.data.get("CYLt_um")),
+            uncertainty=self.uncertainty,
+        )
+
+    @property
+    def uncertainty(self) -> FigureUncertainty | None:
+        """Its recorded uncertainty; None if it has none, or one that cannot be read."""
+        found = self.data.get(UNCERTAINTY)
+        if not isinstance(found, Mapping) or found.get("decision_rule") not in [*DecisionRule]:
+            return None
+        return FigureUncertainty(
+            rule=DecisionRule(found["decision_rule"]),
+            roundness_um=number_or_none(found.get("RONt_U_um")),
+            cylindricity_um=number_or_none(found.get("CYLt_U_um")),
+            diameter_um=number_or_none(found.get("diameter_U_um")),
         )
 
     def figure(self, kind: ToleranceKind) -> JudgedFigure | None:

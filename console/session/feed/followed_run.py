@@ -27,6 +27,7 @@ from drivers.lathe.stop import StopPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.metrology.cylindricity import CylinderResult, PartSection
+from profiles.metrology.uncertainty import UncertaintyBudget
 from profiles.problem import Problem
 from profiles.traces import Trace
 
@@ -145,10 +146,15 @@ class FollowedRun(CutRecorder):
         self._recorder.record_window(batch)
 
     def record_measured_part(
-        self, job: Job, trace: Trace, whole: CylinderResult | None, sections: Sequence[PartSection]
+        self,
+        job: Job,
+        trace: Trace,
+        whole: CylinderResult | None,
+        sections: Sequence[PartSection],
+        budget: UncertaintyBudget | None,
     ) -> None:
         """Pass on the measured part."""
-        self._recorder.record_measured_part(job, trace, whole, sections)
+        self._recorder.record_measured_part(job, trace, whole, sections, budget)
 
     def observe_state(self, now_s: Callable[[], float] = time.monotonic) -> ObservedState:
         """Return this moment, in the thread of the feed. Simulated time that is not real has no age.

@@ -258,6 +258,9 @@ INSPECT = (
         Row("inspect.part_learn", lambda s: s.stands_out, "inspect.accept"),
         Row("inspect.diameter", _part(lambda part, s: _OFF_SIZE(s) and part.offset_taken), "inspect.next"),
         Row("inspect.offset", _OFF_SIZE, "inspect.offset", do.CorrectTouchOff),
+        Row(
+            "inspect.unproven", _part(lambda part, _: any(each.is_open for each in part.judged)), "inspect.import"
+        ),
         Row("inspect.no_length", _part(lambda part, _: passes_all(part.judged) is None), "inspect.import"),
         Row("inspect.part", is_always_due, "inspect.next"),
     ),

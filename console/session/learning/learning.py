@@ -113,6 +113,7 @@ def learn(
         figures=made[-1].figures,
         collisions=tuple(dict.fromkeys(kind for each in made for kind in each.collisions)),
         whole=made[-1].whole,
+        budget=made[-1].budget,
         floor=floor,
         parts=tuple(made),
         ended=ended,
@@ -336,6 +337,7 @@ class _Learner:
         return LearnedPart(
             roundness=roundness_of(trace),
             whole=outcome.whole,
+            budget=outcome.budget,
             figures=outcome.figures,
             path=path,
             trim_um=trim_um,

@@ -16,6 +16,7 @@ from profiles.compensations.learning import REPEATS_SD_UM, Deviation, GrownHarmo
 from profiles.compensations.path import CutPath
 from profiles.fingerprint.this_clamping import ClampingCorrection
 from profiles.metrology.cylindricity import CylinderResult
+from profiles.metrology.uncertainty import UncertaintyBudget
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult
 
@@ -43,6 +44,7 @@ class LearnedPart:
 
     roundness: RoundnessResult
     whole: CylinderResult | None
+    budget: UncertaintyBudget | None
     figures: CutFigures
     path: CutPath
     trim_um: complex

@@ -9,8 +9,8 @@ from types import MappingProxyType
 from typing import Any
 
 from console.session.cut.alignment import unclamp_blank
-from console.session.cut.recording import form_event, part_record
-from console.session.cut.run import measured_whole, roundness_of
+from console.session.cut.recording import budget_event, form_event, part_record
+from console.session.cut.run import measured_budget, measured_whole, roundness_of
 from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import (
     CYLINDRICITY_LIMIT,
@@ -23,6 +23,7 @@ from console.session.data.measured_part import (
 from console.session.data.records import add_to_run
 from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError
+from console.session.gauge_in_use import gauge_in_use
 from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file, refuse_unready
 from console.session.learning.gauge_errors import error_drift, keep_error, newest_error, without_gauge_error
@@ -36,11 +37,13 @@ from console.session.station.readings import refuse_far
 from console.session.station.state import ArmedCut, MeasuredForm, MeasuredPart
 from drivers.cutting.strategy import Strategy
 from profiles.files import printable
+from profiles.gauge import GaugeProfile
 from profiles.job import Job
 from profiles.lobe.cut_error import middle_mm
 from profiles.metrology.cylindricity import LEAST_SQUARES, CylinderResult, part_section
 from profiles.metrology.separation import GaugeError, Placement, separate
 from profiles.metrology.turns import mean_diameter_mm
+from profiles.metrology.uncertainty import UncertaintyBudget, points_budget
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import profile_of
 from profiles.store import LoadedJob
@@ -127,7 +130,7 @@ def _judge_reading(
     sha256 = hashlib.sha256(trace.deviation_um.tobytes()).hexdigest()
     part = _judge_part(context, cut, started.loaded, found, (GAUGE, sha256))
     part = replace(part, whole=measured_whole(sections), sections=sections, section_z_mm=middle_mm(started.job))
-    return part, trace
+    return replace(part, budget=_budget_of(context, part, error if GAUGE_ERROR in trace.meta else None)), trace
 
 
 GAUGE = "simulated gauge"
@@ -165,6 +168,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
         _take_form(context, command, cut, job, found)
         return
     part = _judge_part(context, cut, loaded, found, (found.name, found.sha256))
+    part = replace(part, budget=_budget_of(context, part))
     context.reading = None
     measured = {**_event(part), **_file_event(found), **command.answers}
     asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(job), SECTION: found.place}
@@ -177,7 +181,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
 
 def _take_form(context: StationContext, command: TakeTrace, cut: CutPart, job: Job, found: EvaluatedPart) -> None:
     """Judge a part by points that are no sections, and keep them in its record."""
-    whole, header = found.whole, found.header
+    whole, header, gauge = found.whole, found.header, _gauge(context)
     assert whole is not None
     sized = header.radius_mm if header.size != "relative" else None
     mean_um = whole.cylinder(LEAST_SQUARES).deviation_um
@@ -190,6 +194,7 @@ def _take_form(context: StationContext, command: TakeTrace, cut: CutPart, job: J
         no_sections=no_sections,
         notes=tuple(notes),
         diameter_mm=None if sized is None else mean_diameter_mm(sized, mean_um),
+        budget=None if gauge is None else points_budget(gauge),
         run_id=cut.run_id,
         proven=cut.proven,
     )
@@ -216,6 +221,7 @@ def _take_form(context: StationContext, command: TakeTrace, cut: CutPart, job: J
             "learning": problem_events((no_sections,)),
             "points": whole.count,
             **whole.event(),
+            **budget_event(form.budget),
         },
     )
     _keep_measured(context, cut, {**told, **_file_event(found), **command.answers}, kept)
@@ -337,6 +343,22 @@ def _publish(context: StationContext, part: MeasuredPart) -> None:
         context.tell(uncompensated=part)
 
 
+def _gauge(context: StationContext) -> GaugeProfile | None:
+    """Return the gauge in use, None without one; SessionError: it cannot be read."""
+    try:
+        return gauge_in_use(context.records)
+    except ProfileError as refused:
+        raise SessionError(*refused.problems) from refused
+
+
+def _budget_of(
+    context: StationContext, part: MeasuredPart, error: GaugeError | None = None
+) -> UncertaintyBudget | None:
+    """Return the uncertainty of a part by the gauge in use, whose `error` was taken off; None without one."""
+    sections = part.sections if part.whole is not None else ()
+    return measured_budget(_gauge(context), part.job, part.trace, sections, error)
+
+
 def _event(part: MeasuredPart) -> dict[str, object]:
     """Return what the run record keeps of a measurement."""
     return {
@@ -374,6 +396,7 @@ def _part_to_record(
         SECTION_Z: part.section_z_mm,
         **asked,
         **form_event(part.whole, part.sections),
+        **budget_event(part.budget),
     }
     return part_record(
         part.job, part.result, trace, Stage(made.stage), proven=part.proven, made=header, file=file, more=more

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from profiles.fingerprint.readings import ClampReadings
     from profiles.job import Job
     from profiles.metrology.cylindricity import CylinderResult, PartSection
+    from profiles.metrology.uncertainty import UncertaintyBudget
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
     from profiles.traces import Trace
@@ -136,13 +137,14 @@ class ArmedCut:
 class MeasuredPart:
     """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and the result.
 
-    `marks_mm` is where a stop left the tool in it, mm behind its face. `learning` is its learning step. Where not
-    `phase_known`, nobody knows where jaw 1 is in the trace. `diameter_mm` is the mean one, `tool_offset_um` how
-    much deeper the tool has to go for the nominal one; both are None if the trace does not have the size.
-    `offset_taken`: the touch-off was corrected by it. `lobe` is that of a part cut without compensation. `run_id`
-    is its run in the record, `whole` its form over the length and `sections` all of its sections in the job's Z,
-    at the angles of `trace`, which is the one at `section_z_mm` (None: not stated). Where its cut is not `proven`
-    to be the planned one, it is neither good nor bad.
+    `marks_mm` is where a stop left the tool in it, mm behind its face. `learning` is its learning step, `budget`
+    the uncertainty of its figures, None without a gauge. Where not `phase_known`, nobody knows where jaw 1 is in
+    the trace. `diameter_mm` is the mean one, `tool_offset_um` how much deeper the tool has to go for the nominal
+    one; both are None if the trace does not have the size. `offset_taken`: the touch-off was corrected by it.
+    `lobe` is that of a part cut without compensation. `run_id` is its run in the record, `whole` its form over the
+    length and `sections` all of its sections in the job's Z, at the angles of `trace`, which is the one at
+    `section_z_mm` (None: not stated). Where its cut is not `proven` to be the planned one, it is neither good nor
+    bad.
     """
 
     job: Job
@@ -158,6 +160,7 @@ class MeasuredPart:
     tool_offset_um: float | None = None
     offset_taken: bool = False
     marks_mm: tuple[float, ...] = ()
+    budget: UncertaintyBudget | None = None
     learning: PartLearning | None = None
     lobe: PartLobe | None = None
     run_id: str | None = None
@@ -179,6 +182,7 @@ class MeasuredPart:
             z_mm=self.section_z_mm,
             sections=() if self.whole is None else self.whole.sections,
             cylt_um=None if self.whole is None else self.whole.cylt_um,
+            uncertainty=None if self.budget is None else self.budget.expanded,
         )
 
     @property
@@ -215,6 +219,7 @@ class MeasuredForm:
     no_sections: Problem
     notes: tuple[Problem, ...] = ()
     diameter_mm: float | None = None
+    budget: UncertaintyBudget | None = None
     run_id: str | None = None
     proven: bool = True
 
@@ -229,6 +234,7 @@ class MeasuredForm:
             off_um=_off_um(self.diameter_mm, doubt, self.job),
             taper_um=self.whole.taper_um,
             cylt_um=self.whole.cylt_um,
+            uncertainty=None if self.budget is None else self.budget.expanded,
         )
 
     @property

@@ -10,7 +10,7 @@ from console.session.data.measured_part import RecordedPart
 from console.session.data.run_rows import MODEL
 from console.session.station.state import MeasuredForm, MeasuredPart
 from console.text.catalogue import Catalogue
-from console.text.part_sentences import extraction_words, section_words
+from console.text.part_sentences import extraction_words, rule_words, section_words
 from console.text.recorded_words import local
 from console.tui.inspection.comparison import PartComparison, Side
 from console.tui.lines import (
@@ -137,6 +137,7 @@ def result_lines(
     gained, lines, lobe = _reduction_lines(seen, text, width), _verdict(seen, text, width), list[Line]()
     if simulated:
         lines += wrap_line(text("inspect_page.simulated"), width, Token.SIM)
+    rule = hanging(dim("· "), rule_words(seen.part.judged[0], text), width, Token.DIM) if seen.part.judged else []
     if not lobe_elsewhere:
         lobe = _lobe_rows(seen, text, width)
     wrong = wrong_lines(seen.part, text, width)
@@ -144,12 +145,12 @@ def result_lines(
     circles = four if len(four) <= room else [_ront(seen, chosen, text, width)]
     room -= len(circles)
     kept: list[list[Line]] = []
-    for rows in (whole, lobe, gained, lesser):  # the most important first; each as a whole, or not at all
+    for rows in (whole, lobe, gained, lesser, rule):  # the most important first; each as a whole, or not at all
         fits = len(rows) <= room
         kept.append(rows if fits else [])
         room -= len(rows) if fits else 0
-    whole, lobe, gained, lesser = kept
-    shown = [*head, *circles, *whole, *diameter, *lesser, *lobe, *gained, *lines, *wrong]
+    whole, lobe, gained, lesser, rule = kept
+    shown = [*head, *circles, *whole, *diameter, *lesser, *lobe, *gained, *lines, *rule, *wrong]
     if room > 1 and before.result is None and seen.after is not None:
         shown += [BLANK, *wrap_line(text("inspect_page.stated_long"), width, Token.DIM)]
     return clip_lines(shown, height, text("panel.more"))
@@ -278,13 +279,17 @@ def judged_line(figure: JudgedFigure, nominal_mm: float, text: Catalogue, width:
     mark, token, word = {
         True: ("✓ ", Token.STRONG, "pass"),
         False: ("✗ ", Token.WARNING, "fail"),
-        None: ("? ", Token.WARNING, "open"),
+        None: ("? ", Token.WARNING, "unproven" if figure.is_open else "open"),
     }[figure.passes]
     facts = roundness_facts(figure.value_um or 0.0, figure.limit_um, text)
     if figure.kind is ToleranceKind.DIAMETER:
         value_mm = nominal_mm + (figure.value_um or 0.0) / 1000.0
         limit = text.units.format_short(figure.limit_um, "um")
-        facts = {"value": text.units.figure(value_mm, "mm", 3), "limit": limit}
+        u_mm = "" if figure.u_um is None else f"±{text.units.figure(figure.u_um / 1000.0, 'mm', 4)}"
+        facts = {"value": text.units.figure(value_mm, "mm", 3) + u_mm, "limit": limit}
+    elif figure.u_um is not None:  # in few cells
+        u_um, limit = text.units.figure(figure.u_um, "um", 2), text.units.format_short(figure.limit_um, "um")
+        facts = {"value": f"{facts['value']}±{u_um}", "limit": limit}
     z = "" if figure.z_mm is None else text.units.figure(figure.z_mm, "mm", 1)
     at = z and text("inspect_page.at", z=z)
     room, words = max(width - 2, 0), text(f"inspect_page.{what}{word}", at=at, **facts)

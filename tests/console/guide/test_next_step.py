@@ -42,7 +42,9 @@ from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.workshop_view import CollisionKind, WorkshopView
 from profiles.arrays import floats
 from profiles.compensations.causes import Cause, CauseKind
+from profiles.metrology.conformity import DecisionRule, FigureUncertainty
 from profiles.metrology.cylindricity import evaluate_points
+from profiles.metrology.uncertainty import UncertaintyBudget
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
 from profiles.trace_files.sections import SurfacePoints, no_sections
@@ -150,6 +152,8 @@ def parts() -> Iterator[MeasuredPart | None]:
             yield replace(part, diameter_mm=diameter_mm, offset_taken=is_taken)
         yield replace(part, diameter_mm=job.finished_diameter_mm + 0.1, offset_taken=True)
     yield replace(good, job=replace(good.job, roundness_tolerance_um=10.0, cylindricity_tolerance_um=10.0))
+    unknown = FigureUncertainty(rule=DecisionRule.ISO_2017)
+    yield replace(good, budget=UncertaintyBudget(gauge="a gauge", rows=(), expanded=unknown))
     plain = scenes.part(Strategy.NONE, scenes.BEFORE)
     yield plain
     yield replace(plain, lobe=found_lobe())

@@ -1,0 +1,72 @@
+"""`console gauges`: the gauges, and which of them the screens take as the one that measures the parts."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+
+from console.cli.commands import add_actions
+from console.cli.library import data_of
+from console.cli.output import show
+from console.cli.parser import Parser
+from console.cli.part.library_list import Listed, fields_of_entry, list_library, sentences
+from console.session.data.kept_files import gauges_folder
+from console.session.gauge_in_use import name_in_use, use_gauge
+from console.text.catalogue import Catalogue
+from console.text.columns import table
+from profiles.files import printable
+from profiles.gauge import GAUGE_FIELDS, GaugeProfile
+from profiles.store import list_gauges, load_gauge
+
+ACTIONS = ("list", "use")
+NOBODY = "none"  # no gauge
+
+
+def add(parser: Parser, text: Catalogue) -> None:
+    """Add the actions, each with its arguments."""
+    use = add_actions(parser, "gauges", ACTIONS, text, required=False)["use"]
+    use.add_argument("name", metavar="NAME|none", help=text("help.gauges.name"))
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """List every gauge by the name that `--gauge` takes, an unreadable one with its reason; or choose one."""
+    data = data_of(options)
+    if options.action == "use":
+        name = None if options.name == NOBODY else options.name
+        use_gauge(data, name)
+        said = text("gauges.used_none" if name is None else "gauges.used", name=printable(options.name))
+        show(options, lambda: {"in_use": name}, lambda: [said])
+        return 0
+    found, used = list_library(list_gauges(gauges_folder(data)), load_gauge), name_in_use(data)
+    show(
+        options,
+        lambda: {"gauges": [_fields(each, text) for each in found], "in_use": used},
+        lambda: _lines(found, used, text),
+    )
+    return 0
+
+
+def _fields(each: Listed[GaugeProfile], text: Catalogue) -> dict[str, object]:
+    _, loaded = each
+    fields = fields_of_entry(each, text)
+    if not isinstance(loaded, GaugeProfile):
+        return fields
+    return {**fields, **{field.key: getattr(loaded, field.key) for field in GAUGE_FIELDS}}
+
+
+def _lines(found: list[Listed[GaugeProfile]], used: str | None, text: Catalogue) -> list[str]:
+    """Return a row for each gauge, then why some cannot be read."""
+    rows = [tuple(text(f"gauges.{name}") for name in ("name", "spindle", "certificate", "rule", "origin"))]
+    for entry, loaded in found:
+        name = printable(entry.name) + (f" {text('gauges.in_use')}" if entry.name == used else "")
+        origin = text("jobs.bundled" if entry.bundled else "jobs.own")
+        if isinstance(loaded, GaugeProfile):
+            spindle, stated = loaded.spindle_error_um, loaded.roundness_u_um
+            amounts = (_amount(spindle, text), _amount(stated, text))
+            rows.append((name, *amounts, text(f"judged.rule.{loaded.rule}"), origin))
+        else:
+            rows.append((name, text("jobs.unreadable"), "", "", origin))
+    return [*table(rows), *sentences(found, text)]
+
+
+def _amount(um: float | None, text: Catalogue) -> str:
+    return text("budget.unknown") if um is None else f"{um:g} um"
