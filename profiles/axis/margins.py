@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -84,14 +84,19 @@ def sensitivity_peak(loop: SampledLoop) -> float:
 
 
 def is_stable(loop: SampledLoop) -> bool:
-    """Whether the closed loop is stable: by its poles, and an extra delay by the delay margin without it."""
-    if not bool((np.abs(loop.poles()) < 1.0).all()):
-        return False
+    """Whether the closed loop is stable: by its poles, with an extra delay by how far 1 + L turns.
+
+    Up to half the sampling rate 1 + L of a stable loop turns forward by a quarter turn for each integrator; with
+    each pair of unstable poles it is a whole turn less (Nyquist).
+    """
     if not loop.plant.delay_s:
-        return True
-    bare = replace(loop, plant=replace(loop.plant, delay_s=0.0))
-    allowed_ms = _delay_margin_ms(_unity_crossings(bare, np.geomspace(_LOWEST_HZ, bare.nyquist_hz, _POINTS)))
-    return allowed_ms is None or 1000.0 * loop.plant.delay_s < allowed_ms
+        return bool((np.abs(loop.poles()) < 1.0).all())
+    around = np.linspace(0.9, 1.1, _FINER)
+    parts = [np.geomspace(_LOWEST_HZ, loop.nyquist_hz, _POINTS), *(mode.hz * around for mode in loop.plant.modes)]
+    hz = np.unique(np.concatenate(parts))
+    turned = np.unwrap(np.angle(1.0 + loop.open_loop(hz[hz <= loop.nyquist_hz])))
+    integrators = 1 + (loop.gains.ki_v_per_m_s != 0.0) + (loop.plant.damping_per_s == 0.0)
+    return bool(turned[-1] - turned[0] > (integrators / 2.0 - 1.0) * math.pi)
 
 
 def _unity_crossings(loop: SampledLoop, hz: Floats) -> list[tuple[float, float]]:

@@ -11,8 +11,9 @@ P(z) = (n1 z + n0) / ((z - 1) (z - d)),    d = exp(-b T)
 A notch filter N(z) / D(z) of the gains multiplies both B and F (`profiles.axis.notch`).
 
 A flexible mode adds a c / (s^2 + 2 z w s + w^2) to the plant, as its step-invariant sampling (K. J. Astrom and
-B. Wittenmark, Computer-Controlled Systems, table 2.1). An extra delay of the plant, such as that of the current
-loop, multiplies P by exp(-j w delay).
+B. Wittenmark, Computer-Controlled Systems, table 2.1). A lag of the current, 1 / (1 + lag s), splits each of them
+by partial fractions into one without and one of the lag, so that the sampling stays exact. An extra delay of the
+plant multiplies P by exp(-j w delay).
 """
 
 from __future__ import annotations
@@ -47,12 +48,14 @@ class FlexibleMode:
 class AxisPlant:
     """The moved axis a / (s (s + b)): a in m/s2 per V of the output, b in 1/s, and a delay beyond the period.
 
-    `modes` are what else the scale sees of it, above the rigid motion.
+    The current follows the output with the time constant `lag_s`. `modes` are what else the scale sees of the
+    axis, above the rigid motion.
     """
 
     acceleration_per_v: float
     damping_per_s: float
     delay_s: float = 0.0
+    lag_s: float = 0.0
     modes: tuple[FlexibleMode, ...] = ()
 
 
@@ -72,10 +75,8 @@ class SampledLoop:
     def plant_response(self, frequency_hz: ArrayLike) -> Complexes:
         """Return P / z with its extra delay, m/V."""
         z, hz = self._z(frequency_hz)
-        n1, n0, decay = self._held_plant()
-        held = (n1 * z + n0) / ((z - 1.0) * (z - decay))
-        for mode in self.plant.modes:
-            above, below = self._held_mode(mode)
+        held = np.zeros_like(z)
+        for above, below in self._held_parts():
             held = held + np.polyval(above, z) / np.polyval(below, z)
         return complexes(held / z * np.exp(-2j * np.pi * hz * self.plant.delay_s))
 
@@ -161,6 +162,8 @@ class SampledLoop:
             above = np.polymul(above, [1.0, -1.0])
         for mode in self.plant.modes:
             above = np.polymul(above, self._held_mode(mode)[1])
+        if self.plant.lag_s:
+            above = np.polymul(above, [1.0, -math.exp(-self.period_s / self.plant.lag_s)])
         if self.gains.notch:
             above = np.polymul(above, self.gains.notch.denominator)
         if self.plant.delay_s:
@@ -169,24 +172,55 @@ class SampledLoop:
         return floats(np.concatenate([np.zeros(len(below) - len(above)), above])), below
 
     def plant_polynomials(self) -> tuple[Floats, Floats]:
-        """Return numerator and denominator of the plant behind its hold, modes included."""
-        n1, n0, decay = self._held_plant()
-        above, below = floats([n1, n0]), floats(np.polymul([1.0, -1.0], [1.0, -decay]))
-        for mode in self.plant.modes:
-            own_above, own_below = self._held_mode(mode)
+        """Return numerator and denominator of the plant behind its hold, with its lag and modes."""
+        (above, below), *others = self._held_parts()
+        for own_above, own_below in others:
             above = floats(np.polyadd(np.polymul(above, own_below), np.polymul(own_above, below)))
             below = floats(np.polymul(below, own_below))
         return above, below
 
+    def _held_parts(self) -> list[tuple[Floats, Floats]]:
+        """Return the fractions whose sum is the held plant: of the rigid axis, of each mode, and of the lag.
+
+        With G = N / D(s), D = s^2 + ... + D0, and q = G(-1 / lag)
+        G / (1 + lag s) = (N - q D0) / D - (q / lag) s / D + q / (1 + lag s).
+        """
+        plant, lag_s, period_s = self.plant, self.plant.lag_s, self.period_s
+        n1, n0, decay = self._held_plant()
+        x = plant.damping_per_s * period_s
+        glide_s = period_s if x < _AS_DOUBLE else -math.expm1(-x) / plant.damping_per_s
+        rigid = floats([n1, n0]), floats([1.0, -1.0 - decay, decay])
+        held = [rigid, *(self._held_mode(mode) for mode in plant.modes)]
+        if not lag_s:
+            return held
+        rate, left, lagging = 1.0 / lag_s, math.exp(-period_s / lag_s), 0.0
+        shapes = [(1.0, plant.damping_per_s, 0.0, glide_s)]
+        for mode in plant.modes:
+            omega, damped, fade = self._mode_figures(mode)
+            slope_s = fade * math.sin(damped * period_s) / damped
+            shapes.append((mode.fraction, 2.0 * mode.damping_ratio * omega, omega**2, slope_s))
+        parts = list[tuple[Floats, Floats]]()
+        for (above, below), (fraction, d1, d0, slope_s) in zip(held, shapes, strict=True):
+            per_n = 1.0 / (rate**2 - d1 * rate + d0)
+            q = fraction * plant.acceleration_per_v * per_n
+            parts.append((floats((1.0 - per_n * d0) * above - q * rate * slope_s * floats([1.0, -1.0])), below))
+            lagging += q
+        return [*parts, (floats([lagging * (1.0 - left)]), floats([1.0, -left]))]
+
     def _held_mode(self, mode: FlexibleMode) -> tuple[Floats, Floats]:
         """Return numerator and denominator of a mode behind its hold: e = exp(-z w T), d = w sqrt(1 - z^2)."""
-        omega, ratio = 2.0 * math.pi * mode.hz, mode.damping_ratio
-        damped = omega * math.sqrt(1.0 - ratio**2)
-        fade, turn = math.exp(-ratio * omega * self.period_s), damped * self.period_s
+        omega, damped, fade = self._mode_figures(mode)
+        ratio, turn = mode.damping_ratio, damped * self.period_s
         skew = ratio * omega / damped * math.sin(turn)
         scale = mode.fraction * self.plant.acceleration_per_v / omega**2
         above = [scale * (1.0 - fade * (math.cos(turn) + skew)), scale * fade * (fade + skew - math.cos(turn))]
         return floats(above), floats([1.0, -2.0 * fade * math.cos(turn), fade**2])
+
+    def _mode_figures(self, mode: FlexibleMode) -> tuple[float, float, float]:
+        """Return w and d of a mode, 1/s, and e."""
+        omega = 2.0 * math.pi * mode.hz
+        damped = omega * math.sqrt(1.0 - mode.damping_ratio**2)
+        return omega, damped, math.exp(-mode.damping_ratio * omega * self.period_s)
 
     def _z(self, frequency_hz: ArrayLike) -> tuple[Complexes, Floats]:
         hz = np.maximum(floats(frequency_hz), LOWEST_HZ)

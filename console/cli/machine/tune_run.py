@@ -162,7 +162,8 @@ def axis_lines(machine: MachineProfile, facts: GainFacts, text: Catalogue) -> li
     plant = known.loop.plant
     mass = f"{machine.tool.loop_gain_n_per_v / plant.acceleration_per_v:.2f}"
     dry, delay = f"{friction[0]:.1f} ± {friction[1]:.1f}", f"{1000.0 * plant.delay_s:.2f}"
-    lines = [text("tune.axis", count=fit.hz.size, mass=mass, friction=dry, delay=delay)]
+    lag = f"{1000.0 * plant.lag_s:.2f}"
+    lines = [text("tune.axis", count=fit.hz.size, mass=mass, friction=dry, delay=delay, lag=lag)]
     for mode in plant.modes:
         hz, ratio = f"{mode.hz:.0f}", f"{100.0 * mode.damping_ratio:.1f}"
         lines.append(text("tune.mode", hz=hz, ratio=ratio, fraction=f"{mode.fraction:.2f}"))

@@ -136,6 +136,8 @@ def unmeasured_problem(known: KnownLoop) -> Problem:
     fit = known.fit
     if fit is None:
         return Problem(code="trial.unmeasured", key=SLOW_SWEEP, value=FAST_SWEEP)
+    if fit.denied:
+        return Problem(code="trial.denied", where=f"{fit.hz.min():.4g} … {fit.hz.max():.4g} Hz")
     value, limit = f"{100 * fit.worst:.0f} %", f"<= {100 * fit.allowed:.0f} %"
     return Problem(code="trial.misfit", where=f"{fit.worst_hz:.4g} Hz", value=value, limit=limit)
 

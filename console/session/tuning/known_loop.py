@@ -29,6 +29,8 @@ LEAST_COHERENCE = 0.95
 class KnownLoop:
     """The present loop with the axis that is known: `fit` is None, and `date` "", where it is the profile's.
 
+    With a fit that denies what has run the axis is the profile's, too.
+
     `reading` is how a test has shown that the controller reads a notch filter, None where none has. It is known by
     responses without one alone: `unfiltered` is whether the fit rests on such.
     """
@@ -74,7 +76,11 @@ def known_loop(
     if filtered and plain and reading is SignConvention.STATED:
         fit = fitted_plant(loop, plain + filtered) or fit
     return KnownLoop(
-        loop=replace(loop, plant=fit.plant), fit=fit, date=date, reading=reading, unfiltered=unfiltered is not None
+        loop=loop if fit.denied else replace(loop, plant=fit.plant),
+        fit=fit,
+        date=date,
+        reading=reading,
+        unfiltered=unfiltered is not None,
     )
 
 

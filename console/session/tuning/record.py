@@ -72,15 +72,19 @@ class TrialRecord:
         return replace(self, events=(*self.events, event), open=self.open and not over)
 
 
+MODE_FIGURES, MODE_SUFFIXES = ("hz", "damping_ratio", "fraction"), ("", "_2", "_3")
+
+
 def values_of(plant: AxisPlant) -> dict[str, float]:
     """Return an axis as values for a file."""
     values = {
         "acceleration_per_v": plant.acceleration_per_v,
         "damping_per_s": plant.damping_per_s,
         "delay_s": plant.delay_s,
+        "lag_s": plant.lag_s,
     }
-    for mode in plant.modes:
-        values |= {"mode_hz": mode.hz, "mode_damping_ratio": mode.damping_ratio, "mode_fraction": mode.fraction}
+    for suffix, mode in zip(MODE_SUFFIXES, plant.modes, strict=False):
+        values |= {f"mode_{name}{suffix}": getattr(mode, name) for name in MODE_FIGURES}
     return values
 
 
@@ -89,11 +93,12 @@ def plant_of(values: Mapping[str, float]) -> AxisPlant | None:
     if not values:
         return None
     rigid = {name: values[name] for name in ("acceleration_per_v", "damping_per_s", "delay_s")}
-    modes: tuple[FlexibleMode, ...] = ()
-    if "mode_hz" in values:
-        hz, ratio, fraction = (values[f"mode_{name}"] for name in ("hz", "damping_ratio", "fraction"))
-        modes = (FlexibleMode(hz=hz, damping_ratio=ratio, fraction=fraction),)
-    return AxisPlant(**rigid, modes=modes)
+    modes = tuple(
+        FlexibleMode(**{name: values[f"mode_{name}{suffix}"] for name in MODE_FIGURES})
+        for suffix in MODE_SUFFIXES
+        if f"mode_hz{suffix}" in values
+    )
+    return AxisPlant(**rigid, lag_s=values.get("lag_s", 0.0), modes=modes)
 
 
 def file_of_new(data: Path, machine: str) -> Path:

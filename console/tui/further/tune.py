@@ -184,7 +184,7 @@ def gain_proposal_lines(facts: GainFacts, text: Catalogue, width: int) -> list[L
     date = printable(facts.known.date.replace("T", " ")[:DATE])
     of = text("tune_page.plant_measured", date=date) if date else text("tune_page.plant_profile")
     a, b = f"a {plant.acceleration_per_v:.4g} m/s2/V", f"b {plant.damping_per_s:.4g} 1/s"
-    rests = hanging(dim("  "), f"{of}: {a}, {b}, {1000 * plant.delay_s:.3g} ms", width)
+    rests = hanging(dim("  "), f"{of}: {a}, {b}, {1000 * plant.delay_s:.3g} + {1000 * plant.lag_s:.3g} ms", width)
     asked = text(
         "tune_page.asked",
         gain=f"{DESIGN_GAIN_MARGIN:g}",
