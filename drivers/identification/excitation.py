@@ -37,7 +37,27 @@ RAMP_MS = 400  # time over which the swing grows, and over which it fades
 SETTLE_S = 0.2  # steady time before gathering starts: ten time constants of the published loop
 SLACK_S = 1.2  # how much longer than its sine a program runs, for a host that is slow to begin and to end
 
+CYCLES_A_PERIOD = 10.0  # minimum servo cycles per period of a sine alone
+CARRIED_CYCLES = 2.5  # and of one that a slow swing carries
+CARRIER_HZ, CARRIER_UM = 30.0, 25.0
+"""The slow swing: the tool slides throughout, and a frozen encoder shows, where the fast sine moves it little."""
+
 Floats = NDArray[np.float64]
+
+
+def most_alone_hz(machine: MachineProfile) -> float:
+    """Return the highest frequency of a sine alone."""
+    return 1000.0 / machine.controller.servo_period_ms / CYCLES_A_PERIOD
+
+
+def carrier_hz(machine: MachineProfile, frequency_hz: float) -> float | None:
+    """Return the frequency of the slow swing below a fast sine; None for a sine alone.
+
+    The sine is midway between two multiples of it, at which friction would be taken for the response.
+    """
+    if frequency_hz <= most_alone_hz(machine):
+        return None
+    return frequency_hz / (round(frequency_hz / CARRIER_HZ - 0.5) + 0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,8 +161,40 @@ CLOSE
 """
 
 
+def _carried_text() -> str:
+    """Return the program with a second sine: P12 its amplitude, P14 its angle of a segment, P16 its speed."""
+    text = _PVT_TEXT.replace(
+        "P20={centre}",
+        "P12={carrier} ; a slow swing carries it\nP14={carrier_deg}\nP16={carrier_slope}\nP20={centre}",
+    )
+    for size in ("*P25/P24", "", "*P26/P24"):
+        for fast, slow, wave in (("P11", "P12", "SIN"), ("P15", "P16", "COS")):
+            own = f"{fast}{size}*{wave}(P13*P25)"
+            text = text.replace(own, f"{own}+{slow}{size}*{wave}(P14*P25)")
+    return text
+
+
+def carried_scales(step_rad: float) -> tuple[float, float]:
+    """Return scales of positions and velocities with which cubics have a sine, and none of its first image.
+
+    Points `step_rad` of the sine apart are those of another, 2 pi - `step_rad` apart, too. The cubics have both by
+    c(k) = integral of g(u) exp(-j (step + 2 pi k) u), u from 0 to 1, of a segment g(u): c(0) is to be 1, c(-1) 0.
+    """
+    u = np.linspace(0.0, 1.0, 2001)
+    turn = np.exp(1j * step_rad)
+    to_end = 3.0 * u**2 - 2.0 * u**3
+    positions = 1.0 - to_end + to_end * turn
+    slopes = 1j * step_rad * (u**3 - 2.0 * u**2 + u + (u**3 - u**2) * turn)
+    sizes = [
+        [np.trapezoid(g * np.exp(-1j * (step_rad + image) * u), u).real for g in (positions, slopes)]
+        for image in (0.0, -2.0 * np.pi)
+    ]
+    position, velocity = np.linalg.solve(np.array(sizes), [1.0, 0.0])
+    return float(position), float(velocity)
+
+
 class PvtPath:
-    """The tool swings about `centre_counts`, commanded by its own program."""
+    """The tool swings about `centre_counts`, commanded by its own program; a slow swing carries a fast sine."""
 
     table: CompensationTable | None = None
     late_cycles = 0
@@ -157,25 +209,38 @@ class PvtPath:
     def sweep(self, frequency_hz: float, periods: int) -> Sweep:
         """Return the program for one frequency."""
         sine = LobedPath(mean_um=0.0, amplitude_um=self._amplitude_um, lobes=1, phase_deg=0.0)
-        segment_ms = longest_segment_ms(sine, frequency_hz)
+        slow_hz = carrier_hz(self._machine, frequency_hz)
+        segment_ms = longest_segment_ms(sine, frequency_hz) if slow_hz is None else 1
         step_rad = 2.0 * math.pi * frequency_hz * segment_ms / 1000.0
-        scales = point_scales(step_rad)
         amplitude = self._word.length(self._amplitude_um / self._machine.tool.count_um)
         ramp = math.ceil(RAMP_MS / segment_ms)
-        steady = math.ceil((periods / frequency_hz + SETTLE_S + SLACK_S) * 1000.0 / segment_ms)
+        steady = math.ceil((periods / (slow_hz or frequency_hz) + SETTLE_S + SLACK_S) * 1000.0 / segment_ms)
+        carried: dict[str, float] = {}
+        if slow_hz is None:
+            scales = point_scales(step_rad)
+            position, velocity = scales.position, scales.velocity
+        else:
+            position, velocity = carried_scales(step_rad)
+            carrier = self._word.length(CARRIER_UM / self._machine.tool.count_um)
+            carried = {
+                "carrier": carrier,
+                "carrier_deg": 0.36 * slow_hz,
+                "carrier_slope": carrier * 2.0 * math.pi * slow_hz,
+            }
         text = program_text(
-            _PVT_TEXT,
+            _carried_text() if carried else _PVT_TEXT,
             self._machine,
             self._word,
             hz=frequency_hz,
             amplitude_um=self._amplitude_um,
-            amplitude=amplitude * scales.position,
+            amplitude=amplitude * position,
             step_deg=math.degrees(step_rad),
-            slope=amplitude * scales.velocity * 2.0 * math.pi * frequency_hz,
+            slope=amplitude * velocity * 2.0 * math.pi * frequency_hz,
             centre=self._word.position(self._centre),
             most=ramp + steady,
             ramp=ramp,
             segment=segment_ms,
+            **carried,
         )
         ramp_s = ramp * segment_ms / 1000.0
         longest_s = 2.0 * ramp_s + steady * segment_ms / 1000.0

@@ -18,7 +18,7 @@ from drivers.commissioning.reading import LISTING_TIMEOUT_S, ask_or_none, read_g
 from drivers.errors import DriverError, RefusedError
 from drivers.identification.excitation import CamPath, Excitation, PvtPath
 from drivers.identification.measuring import GAINS, SERVO_TIME, SettingsComparison, measure
-from drivers.identification.request import IdentificationRequest, request_problems
+from drivers.identification.request import IdentificationRequest, request_problems, swung_um
 from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, ResponseOrigin
 from drivers.identification.rig import Rig, is_homed, put_back, refuse_unready, standing_problems
 from drivers.identification.standstill import link_problems
@@ -84,7 +84,7 @@ def identify(
     """
     settings = SettingsComparison(rig, origin)
     refuse_unready(rig, request_problems(request, rig.machine))
-    if problems := (*standing_problems(rig), *link_problems(rig, request.amplitude_um)):
+    if problems := (*standing_problems(rig), *link_problems(rig, swung_um(request, rig.machine))):
         raise RefusedError(*problems)
     excitation: Excitation = PvtPath(rig.machine, request.amplitude_um)
     if request.path.traits.by_table:

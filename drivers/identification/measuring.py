@@ -17,7 +17,7 @@ from drivers.commissioning.fingerprint import ControllerFingerprint, console_fac
 from drivers.commissioning.reading import of_motors, read_configuration
 from drivers.commissioning.setting_names import name_setting
 from drivers.errors import DriverError, RefusedError
-from drivers.identification.excitation import PROGRAM, Excitation, Sweep
+from drivers.identification.excitation import CARRIER_UM, PROGRAM, Excitation, Sweep, carrier_hz
 from drivers.identification.request import IdentificationRequest
 from drivers.identification.result import IdentifiedPoint, ResponseOrigin
 from drivers.identification.rig import Rig
@@ -79,10 +79,12 @@ def measure(
     sweep = excitation.sweep(frequency_hz, request.periods)
     rig.lathe.program.load(read_program(sweep.text))
     gathering = DataGathering(client=rig.client, dialect=rig.dialect)
-    samples = math.ceil(request.periods / frequency_hz / (rig.machine.controller.servo_period_ms / 1000.0))
+    slow_hz = carrier_hz(rig.machine, frequency_hz)
+    swing_hz, swing_um = (frequency_hz, request.amplitude_um) if slow_hz is None else (slow_hz, CARRIER_UM)
+    samples = math.ceil(request.periods / swing_hz / (rig.machine.controller.servo_period_ms / 1000.0))
     try:
         plan = gathering.prepare(gathering.motor_channels(*excitation.channels), samples + SPARE_SAMPLES)
-        run_gathered(rig, sweep, plan, Standstill(rig, frequency_hz, request.amplitude_um))
+        run_gathered(rig, sweep, plan, Standstill(rig, swing_hz, swing_um))
         data = gathering.fetch(plan)
     except GatherError as error:
         raise DriverError(Problem(code="identify.gather", where=rig.where, value=str(error))) from error
@@ -150,11 +152,13 @@ def _point(rig: Rig, excitation: Excitation, data: GatheredData, frequency_hz: f
     count_um = rig.machine.tool.count_um
     times_s = data.times_ms / 1000.0
     reference = excitation.reference_counts(data) * count_um
-    swing = reference_swing(times_s, reference, frequency_hz)
+    slow_hz = carrier_hz(rig.machine, frequency_hz)
+    swing = reference_swing(times_s, reference, frequency_hz, slow_hz)
     if swing > STEADY_FRACTION:
         where, value = f"{frequency_hz:g} Hz", f"{100.0 * swing:.3g} %"
         limit = f"<= {100.0 * STEADY_FRACTION:g} %"
         raise DriverError(Problem(code="identify.not_steady", where=where, value=value, limit=limit))
-    found = frequency_response(times_s, reference, data.values[excitation.channels[1]] * count_um, frequency_hz)
+    answered = data.values[excitation.channels[1]] * count_um
+    found = frequency_response(times_s, reference, answered, frequency_hz, slow_hz)
     fitted = {key: getattr(found, key) for key in ("gain", "phase_deg", "gain_ci", "phase_ci_deg", "coherence")}
     return IdentifiedPoint(frequency_hz=frequency_hz, amplitude_um=found.reference, **fitted)

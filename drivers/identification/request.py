@@ -7,9 +7,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from drivers.cutting.strategy import INVERTING, Strategy
-from drivers.identification.excitation import return_hz, way_counts
+from drivers.identification.excitation import (
+    CARRIED_CYCLES,
+    CARRIER_UM,
+    carrier_hz,
+    most_alone_hz,
+    return_hz,
+    way_counts,
+)
 from drivers.pmac.settings import PARTS_PER_COUNT
-from profiles.axis.servo import drive_need, following_error_um
+from profiles.axis.servo import drive_need, following_error_um, sampled_response
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -20,7 +27,6 @@ AMPLITUDE_UM = 25.0  # the amplitude of Table 5: 50 um peak to peak
 PERIODS = 20
 
 LEAST_HZ = 1.0
-CYCLES_A_PERIOD = 10.0  # minimum servo cycles per period
 LEAST_PERIODS, MOST_PERIODS = 4, 200
 MOST_FREQUENCIES = 40
 MOST_SINE_S = 10.0  # gathering time per sine: limited like the amplitude, and by the controller's memory
@@ -37,9 +43,17 @@ class IdentificationRequest:
     periods: int = PERIODS
 
 
-def most_hz(machine: MachineProfile) -> float:
-    """Return the highest commanded frequency."""
-    return 1000.0 / machine.controller.servo_period_ms / CYCLES_A_PERIOD
+def most_hz(machine: MachineProfile, path: Strategy) -> float:
+    """Return the highest frequency of a path: a table swings the tool by one sine alone."""
+    if path.traits.by_table:
+        return most_alone_hz(machine)
+    return 1000.0 / machine.controller.servo_period_ms / CARRIED_CYCLES
+
+
+def swung_um(request: IdentificationRequest, machine: MachineProfile) -> float:
+    """Return how far the tool is commanded from its zero at most."""
+    carried = any(carrier_hz(machine, f) for f in request.frequencies_hz)
+    return request.amplitude_um + (CARRIER_UM if carried else 0.0)
 
 
 def clearance_mm(machine: MachineProfile, amplitude_um: float) -> float:
@@ -60,7 +74,7 @@ def clearance_problems(machine: MachineProfile, swing_um: float) -> Iterator[Pro
 
 def request_problems(request: IdentificationRequest, machine: MachineProfile) -> tuple[Problem, ...]:
     """Return everything that forbids this request on this machine; nothing is sent for it."""
-    asked = (*_path_and_amplitude(request, machine), *_frequencies(request, machine), *_lengths(request))
+    asked = (*_path_and_amplitude(request, machine), *_frequencies(request, machine), *_lengths(request, machine))
     if asked:
         return asked
     swings = request.frequencies_hz
@@ -85,18 +99,19 @@ def _frequencies(request: IdentificationRequest, machine: MachineProfile) -> Ite
     count, key = len(request.frequencies_hz), "frequencies"
     if not 1 <= count <= MOST_FREQUENCIES:
         yield Problem(code="identify.frequencies", key=key, value=f"{count}", limit=f"1..{MOST_FREQUENCIES}")
-    limit = f"{LEAST_HZ:g}..{most_hz(machine):.4g} Hz"
+    limit = f"{LEAST_HZ:g}..{most_hz(machine, request.path):.4g} Hz"
     for frequency in request.frequencies_hz:
-        if not LEAST_HZ <= frequency <= most_hz(machine):
+        if not LEAST_HZ <= frequency <= most_hz(machine, request.path):
             yield Problem(code="identify.frequency", key=key, value=f"{frequency:g} Hz", limit=limit)
 
 
-def _lengths(request: IdentificationRequest) -> Iterator[Problem]:
+def _lengths(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
     if not LEAST_PERIODS <= request.periods <= MOST_PERIODS:
         limit = f"{LEAST_PERIODS}..{MOST_PERIODS}"
         yield Problem(code="identify.periods", key="periods", value=f"{request.periods}", limit=limit)
         return
-    slowest = min((f for f in request.frequencies_hz if f > 0.0), default=math.inf)
+    counted = (carrier_hz(machine, f) or f for f in request.frequencies_hz if f > 0.0)
+    slowest = min(counted, default=math.inf)
     if request.periods / slowest > MOST_SINE_S:
         value = f"{request.periods} x {1.0 / slowest:g} s"
         yield Problem(code="identify.too_long", key="periods", value=value, limit=f"<= {MOST_SINE_S:g} s")
@@ -105,8 +120,11 @@ def _lengths(request: IdentificationRequest) -> Iterator[Problem]:
 def _drive(machine: MachineProfile, amplitude_um: float, frequency_hz: float) -> Iterator[Problem]:
     """Compare a sine with the settings and limits of the axis: Ix16, Ix17, thrust, following-error limit."""
     tool, variables = machine.tool, machine.controller.variables
+    error_um, carrier = following_error_um(machine, amplitude_um, frequency_hz), carrier_hz(machine, frequency_hz)
+    if carrier is not None:  # so fast, what the loop makes of a command is what the axis does
+        error_um += following_error_um(machine, CARRIER_UM, carrier)
+        amplitude_um *= float(abs(sampled_response(machine, frequency_hz)))
     need = drive_need(machine, amplitude_um, frequency_hz)
-    error_um = following_error_um(machine, amplitude_um, frequency_hz)
     per_mm, motor = tool.counts_per_mm, tool.motor
     quantities = (
         ("16", need.velocity_mm_per_s * per_mm / 1000.0, variables[f"I{motor}16"], "counts/ms"),
@@ -127,7 +145,7 @@ def _drive(machine: MachineProfile, amplitude_um: float, frequency_hz: float) ->
 
 def _clearance(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
     """Check that the tool swings clear, and that the travel of a table's path fits the axis."""
-    yield from clearance_problems(machine, request.amplitude_um)
+    yield from clearance_problems(machine, swung_um(request, machine))
     if not request.path.traits.by_table:
         return
     highest = max(request.frequencies_hz)

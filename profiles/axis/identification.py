@@ -39,7 +39,7 @@ MOST_SEGMENTS = 10  # maximum segments of a record; each has as many whole perio
 LEAST_SEGMENTS = 2  # one segment always has a coherence of 1
 PARAMETERS = 4
 LEAST_SAMPLES = 2 * PARAMETERS  # per segment: twice the fitted parameters, for a meaningful residual
-LEAST_SAMPLES_A_PERIOD = 2.5  # above two, or the sine is aliased
+LEAST_SAMPLES_A_PERIOD = 2.499  # above two, or the sine is aliased
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,8 +78,10 @@ class FrequencyResponse:
         return cmath.rect(self.gain, math.radians(self.phase_deg))
 
 
-def fit_sine(time_s: ArrayLike, values: ArrayLike, frequency_hz: float) -> SineFit:
-    """Fit a sine of known frequency with offset and drift; times may start anywhere.
+def fit_sine(
+    time_s: ArrayLike, values: ArrayLike, frequency_hz: float, carrier_hz: float | None = None
+) -> SineFit:
+    """Fit a sine of known frequency with offset and drift, and the slow one that carries it; times start anywhere.
 
     Raises `ProfileError` (`identification.too_short`, `identification.not_finite`).
     """
@@ -89,11 +91,13 @@ def fit_sine(time_s: ArrayLike, values: ArrayLike, frequency_hz: float) -> SineF
         raise refusal_error("identification.too_short", value=f"{len(time)}", limit=limit)
     angle = 2.0 * np.pi * frequency_hz * time
     middle = 0.5 * (time[0] + time[-1])
-    found = fit(harmonic_columns(angle, (1,), time - middle), samples)
+    slow = 2.0 * np.pi * (carrier_hz or 0.0) * time
+    others = [time - middle] if carrier_hz is None else [time - middle, np.cos(slow), np.sin(slow)]
+    found = fit(harmonic_columns(angle, (1,), *others), samples)
     offset, drift_per_s = found.coefficients[:2]
-    sine = harmonic_slice(0, trends=1)
+    sine = harmonic_slice(0, trends=len(others))
     return SineFit(
-        phasor=phasors(found.coefficients, (1,), trends=1)[1],
+        phasor=phasors(found.coefficients, (1,), trends=len(others))[1],
         offset=float(offset),
         drift_per_s=float(drift_per_s),
         residual=found.residual_sd,
@@ -102,18 +106,24 @@ def fit_sine(time_s: ArrayLike, values: ArrayLike, frequency_hz: float) -> SineF
 
 
 def frequency_response(
-    time_s: ArrayLike, reference: ArrayLike, response: ArrayLike, frequency_hz: float
+    time_s: ArrayLike,
+    reference: ArrayLike,
+    response: ArrayLike,
+    frequency_hz: float,
+    carrier_hz: float | None = None,
 ) -> FrequencyResponse:
     """Return the response of `response` to `reference` at one frequency, from simultaneous samples.
+
+    The sine of a carrier is midway between two of its multiples, and each segment has whole periods of both.
 
     Raises `ProfileError`: `identification.too_short`, less than two segments of whole periods;
     `identification.not_finite`; `identification.no_reference`, it contains nothing at that frequency.
     """
     time, given = _columns(time_s, reference)
     _, answered = _columns(time_s, response)
-    pieces = _segments(time, frequency_hz)
-    references = [fit_sine(time[piece], given[piece], frequency_hz) for piece in pieces]
-    responses = [fit_sine(time[piece], answered[piece], frequency_hz) for piece in pieces]
+    pieces = _segments(time, frequency_hz, carrier_hz)
+    references = [fit_sine(time[piece], given[piece], frequency_hz, carrier_hz) for piece in pieces]
+    responses = [fit_sine(time[piece], answered[piece], frequency_hz, carrier_hz) for piece in pieces]
     r = np.array([fit.phasor for fit in references])
     y = np.array([fit.phasor for fit in responses])
     energy = float(np.sum(np.abs(r) ** 2))
@@ -134,14 +144,16 @@ def frequency_response(
     )
 
 
-def reference_swing(time_s: ArrayLike, reference: ArrayLike, frequency_hz: float) -> float:
+def reference_swing(
+    time_s: ArrayLike, reference: ArrayLike, frequency_hz: float, carrier_hz: float | None = None
+) -> float:
     """Return the largest relative deviation of the reference amplitude from its mean over the segments.
 
     Raises as for `frequency_response`.
     """
     time, given = _columns(time_s, reference)
-    pieces = _segments(time, frequency_hz)
-    sizes = np.abs([fit_sine(time[piece], given[piece], frequency_hz).phasor for piece in pieces])
+    pieces = _segments(time, frequency_hz, carrier_hz)
+    sizes = np.abs([fit_sine(time[piece], given[piece], frequency_hz, carrier_hz).phasor for piece in pieces])
     mean = float(sizes.mean())
     return float(np.abs(sizes - mean).max()) / mean if mean else math.inf
 
@@ -153,7 +165,7 @@ def _columns(time_s: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
     return time, samples
 
 
-def _segments(time: Floats, frequency_hz: float) -> list[slice]:
+def _segments(time: Floats, frequency_hz: float, carrier_hz: float | None) -> list[slice]:
     """Return the segments of a record, each as near to whole periods as the samples allow."""
     if len(time) < LEAST_SEGMENTS * LEAST_SAMPLES:
         limit = f">= {LEAST_SEGMENTS * LEAST_SAMPLES}"
@@ -161,7 +173,8 @@ def _segments(time: Floats, frequency_hz: float) -> list[slice]:
     step_s = (time[-1] - time[0]) / (len(time) - 1)
     # The sample after the last one would end its period.
     periods = math.floor(len(time) * step_s * frequency_hz + 0.5 * step_s * frequency_hz)
-    each = max(1, math.ceil(periods / MOST_SEGMENTS))
+    whole = 1 if carrier_hz is None else round(2.0 * frequency_hz / carrier_hz)
+    each = whole * max(1, math.ceil(periods / whole / MOST_SEGMENTS))
     edges = [round(k * each / frequency_hz / step_s) for k in range(periods // each + 1)]
     pieces = [slice(first, min(last, len(time))) for first, last in pairwise(edges)]
     samples = 1.0 / frequency_hz / step_s

@@ -2,13 +2,14 @@
 
 A response T of a loop with known gains gives its plant at that frequency, P = T / (F - T B). Several amplitudes
 may be given together: dry friction of the force F is, by its describing function, a damping of 4 F / (pi X w) for
-a motion of the amplitude X (A. Gelb and W. E. Vander Velde 1968), so that it separates from the viscous one.
+a motion of the amplitude X (A. Gelb and W. E. Vander Velde 1968), so that it separates from the viscous one. For a
+small motion that a swing of the peak speed V carries it is 2 F / (pi V), the mean slope of the sign of the speed.
 
 What is fitted is the relative error of P, weighted by its confidence. A lag of the current takes from the gain as
 well as from the phase, a delay from the phase alone: the one that describes the points better is taken, or both. A
-mode, and the second of these, is taken where chance would show it in one fit of a thousand at most
-(chi-square and Fisher's F). A loop that was measured is stable: a mode is damped at least as much as that needs.
-Numpy, and scipy inside the fit.
+mode, and the second of these, is taken where chance would show it in one fit of a thousand at most (chi-square and
+Fisher's F). A loop that was measured is stable: a mode is damped at least as much as that needs. Numpy, and scipy
+inside the fit.
 """
 
 from __future__ import annotations
@@ -41,18 +42,23 @@ _AXIS, _MODE, _DELAY, _LAG = 5, 3, 2, 4  # parameters of the axis and of each mo
 SECOND_GAIN = 10.8  # of chi-square with one parameter
 _NONE, _DAMPED = 1e-6, math.log(0.03)
 MODE_REACH = 2.5  # times the highest measured frequency, up to which a mode can be told from a delay
+_MOST_OF_NYQUIST = 0.9
 _STARTS = (0.6, 0.9, 1.2, 1.6)  # of the highest frequency, where a mode is looked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopPoint:
-    """A response of the loop with its gains: `amplitude_um` is that of the command, `gain_ci` for 95 %."""
+    """A response of the loop with its gains: `amplitude_um` is that of the command, `gain_ci` for 95 %.
+
+    `carried_m_per_s` is the peak speed of a slow swing that carries the sine, 0 for a sine alone.
+    """
 
     gains: PidGains
     hz: float
     response: complex
     gain_ci: float
     amplitude_um: float
+    carried_m_per_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,10 +117,8 @@ def _with_modes(problem: _Problem, best: _PlantSolution, start: Floats) -> _Plan
         known = start if best.values.size == _AXIS else best.values
         found = min(
             (
-                problem.solve_from(
-                    np.append(known, [fraction, math.log(share * problem.highest_hz), _DAMPED]), best.absent
-                )
-                for share in _STARTS
+                problem.solve_from(np.append(known, [fraction, math.log(hz), _DAMPED]), best.absent)
+                for hz in problem.likely_hz(best.values)
                 for fraction in (0.1, -0.1)
             ),
             key=lambda each: each.cost,
@@ -157,7 +161,11 @@ class _Problem:
         )
         self._sd = floats(np.hypot(relative, LEAST_SD))
         moved_m = floats([point.amplitude_um * 1e-6 * abs(point.response) for point in points])
-        self._per_friction = 4.0 / (math.pi * moved_m * 2.0 * np.pi * hz)
+        carried = floats([point.carried_m_per_s for point in points])
+        alone = 4.0 / (math.pi * moved_m * 2.0 * np.pi * hz)
+        self._per_friction = np.where(
+            carried > 0.0, 2.0 / (math.pi * np.where(carried > 0.0, carried, 1.0)), alone
+        )
 
     def model(self, values: Floats) -> Complexes:
         """Return the plant at the points."""
@@ -172,7 +180,7 @@ class _Problem:
     def is_resonance(self, values: Floats) -> bool:
         """Whether each mode is inside its bounds: one that leaves them stands for another delay, or friction."""
         return all(
-            mode.damping_ratio < 0.98 * MOST_MODE_DAMPING and mode.hz < 0.98 * MODE_REACH * self.highest_hz
+            mode.damping_ratio < 0.98 * MOST_MODE_DAMPING and mode.hz < 0.98 * self.reach_hz
             for mode in _plant_of(values).modes
         )
 
@@ -208,7 +216,7 @@ class _Problem:
         """Return the best parameters near a start, with modes that are damped by that ratio at least."""
         from scipy.optimize import least_squares
 
-        low, high = _bounds(start.size, self.highest_hz, least_ratio)
+        low, high = _bounds(start.size, self.reach_hz, least_ratio)
         high[list(absent)] = _NONE
         inside = np.clip(start, low + 0.1 * _NONE, high - 0.1 * _NONE)
         found = least_squares(self._residuals, inside, bounds=(low, high), x_scale="jac", max_nfev=60)
@@ -252,6 +260,16 @@ class _Problem:
         off = (self.model(values) / self._measured - 1.0) / self._sd
         return np.concatenate([off.real, off.imag])
 
+    def likely_hz(self, values: Floats) -> list[float]:
+        """Return where a mode is looked for: about the highest frequency, and where least is explained."""
+        unexplained = np.abs(self._measured / self.model(values))
+        return [*(share * self.highest_hz for share in _STARTS), float(self._hz[np.argmax(unexplained)])]
+
+    @property
+    def reach_hz(self) -> float:
+        """Up to where a mode can be told from a delay."""
+        return min(MODE_REACH * self.highest_hz, _MOST_OF_NYQUIST * self._loop.nyquist_hz)
+
     @property
     def points(self) -> int:
         """How many frequencies were measured."""
@@ -263,12 +281,12 @@ class _Problem:
         return float(self._hz.max())
 
 
-def _bounds(count: int, highest_hz: float, least_ratio: float = LEAST_MODE_DAMPING) -> tuple[Floats, Floats]:
+def _bounds(count: int, reach_hz: float, least_ratio: float = LEAST_MODE_DAMPING) -> tuple[Floats, Floats]:
     low = [-20.0, 0.0, 0.0, 0.0, 0.0]
     high = [20.0, 1e4, 1000.0 * _MOST_DELAY_S, 100.0, 1000.0 * _MOST_LAG_S]
     for _ in range((count - _AXIS) // _MODE):
         low += [-3.0, math.log(20.0), math.log(least_ratio)]
-        high += [3.0, math.log(MODE_REACH * highest_hz), math.log(MOST_MODE_DAMPING)]
+        high += [3.0, math.log(reach_hz), math.log(MOST_MODE_DAMPING)]
     return floats(low), floats(high)
 
 

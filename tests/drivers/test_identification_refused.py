@@ -52,7 +52,8 @@ def test_what_is_asked_for_by_default_is_allowed_on_the_bundled_lathe(machine: M
         (replace(PVT, amplitude_um=float("nan")), "identify.amplitude"),
         (replace(PVT, frequencies_hz=(0.0,)), "identify.frequency"),
         (replace(PVT, frequencies_hz=(-10.0,)), "identify.frequency"),
-        (replace(PVT, frequencies_hz=(226.0,)), "identify.frequency"),  # ten servo cycles are 4.427 ms
+        (replace(PVT, frequencies_hz=(904.0,)), "identify.frequency"),  # two and a half servo cycles are 1.107 ms
+        (replace(PVT, path=Strategy.CAM, frequencies_hz=(226.0,)), "identify.frequency"),  # ten are 4.427 ms
         (replace(PVT, frequencies_hz=()), "identify.frequencies"),
         (replace(PVT, frequencies_hz=(50.0,) * 41), "identify.frequencies"),
         (replace(PVT, periods=3), "identify.periods"),

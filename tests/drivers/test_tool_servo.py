@@ -208,7 +208,8 @@ def test_number_11_a_hundred_counts_of_error_are_36_6_bits() -> None:
 
 @pytest.mark.parametrize("fraction", [0.3, -0.3])
 @pytest.mark.parametrize("hz", [50.0, 250.0, 420.0])
-def test_a_flexible_axis_responds_as_another_program_says(hz: float, fraction: float) -> None:
+@pytest.mark.parametrize("lag_s", [0.0, 4e-4])
+def test_a_flexible_axis_responds_as_another_program_says(hz: float, fraction: float, lag_s: float) -> None:
     """Rigid axis and mode of 300 Hz with 2 % of damping, sampled by scipy; the loop from textbook parts."""
     from scipy import signal
 
@@ -216,14 +217,16 @@ def test_a_flexible_axis_responds_as_another_program_says(hz: float, fraction: f
     z = cmath.exp(2j * math.pi * hz * period_s)
     plant = 0.0 + 0.0j
     for above, below in (([1.0], [1.0, DAMPING / MASS, 0.0]), ([fraction], [1.0, 2.0 * 0.02 * omega, omega**2])):
-        (numerator,), denominator, _ = signal.cont2discrete((above, below), period_s, "zoh")
+        lagging = np.polymul(below, [lag_s, 1.0] if lag_s else [1.0])
+        (numerator,), denominator, _ = signal.cont2discrete((above, lagging), period_s, "zoh")
         plant += complex(np.polyval(numerator, z) / np.polyval(denominator, z))
     kp = 528 * 96 / 2**19
     slope = 1.0 - 1.0 / z
     kd, ki = kp * 4905 / 128, kp * 811 / 2**23
     control = kp + ki / slope + kd * slope
     opened = plant * FORCE_N_PER_V / BITS_PER_V / MASS * 5e6 * control / z
-    axis = ServoAxis(PLANT, gains(), CYCLE_S, mode=SimulatedMode(300.0, 0.02, fraction, CYCLE_S))
+    mode = SimulatedMode(300.0, 0.02, fraction, CYCLE_S, lag_s)
+    axis = ServoAxis(PLANT, gains(), CYCLE_S, lag_s=lag_s, mode=mode)
     axis.close_loop()
     assert response(hz, 300.0, axis) == pytest.approx(opened / (1.0 + opened), abs=2e-3)
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from console.session.tuning.known_loop import KnownLoop
 from console.session.tuning.notch_evidence import misread
-from drivers.identification.request import most_hz
+from drivers.identification.excitation import most_alone_hz
 from drivers.identification.tool_gains import ToolLoop
 from profiles.axis.loop_design import MOST_SETTINGS, softer, unseen_hz
 from profiles.axis.margins import (
@@ -31,10 +31,12 @@ from profiles.problem import Problem
 
 SLOW_SWEEP = "--frequencies 25,30,40,50,60,70,80,95 --amplitude 50"
 FAST_SWEEP = "--frequencies 60,75,90,105,120,135,150,165,180,195,210,225 --amplitude 35 --periods 60"
-"""What a design needs: two amplitudes, by which friction shows, and frequencies at which modes do."""
+HIGH_SWEEP = "--frequencies 240,260,280,300,320,350,400,450,520,600,700,800,900 --amplitude 10 --periods 60"
+"""What a design needs: two amplitudes, by which friction shows, and frequencies at which modes do; and what shows
+modes above them."""
 
 
-REACHED = 0.95  # of the highest frequency of an identification: nothing is gained by another sweep
+REACHED = 0.95  # of the highest frequency of a sine alone: softer gains need no other sweep
 
 
 def bound_problems(
@@ -122,13 +124,13 @@ def unseen_problems(here: MachineProfile, known: KnownLoop, gains: PidGains) -> 
         return ()
     value, limit = f"{hz:.0f} Hz", f"{fit.hz.min():.4g} … {fit.hz.max():.4g} Hz"
     if swept_to_the_end(here, known):
-        return (Problem(code="trial.unseen_above", key=f"{most_hz(here):.0f} Hz", value=value, limit=limit),)
+        return (Problem(code="trial.unseen_above", key=HIGH_SWEEP, value=value, limit=limit),)
     return (Problem(code="trial.unseen", key=FAST_SWEEP, value=value, limit=limit),)
 
 
 def swept_to_the_end(here: MachineProfile, known: KnownLoop) -> bool:
-    """Whether responses reach about as high as an identification can."""
-    return known.fit is not None and float(known.fit.hz.max()) >= REACHED * most_hz(here)
+    """Whether responses reach about as high as a sine alone can."""
+    return known.fit is not None and float(known.fit.hz.max()) >= REACHED * most_alone_hz(here)
 
 
 def unmeasured_problem(known: KnownLoop) -> Problem:

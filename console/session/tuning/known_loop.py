@@ -13,6 +13,7 @@ from pathlib import Path
 
 from console.session.data.identified_responses import responses_of
 from console.session.tuning.notch_evidence import NO_FIRMWARE, seen_reading
+from drivers.identification.excitation import CARRIER_UM, carrier_hz
 from drivers.identification.result import IdentifiedResponse, unfit_problems
 from profiles.axis.notch import SignConvention
 from profiles.axis.plant_fit import LoopPoint, PlantFit, fitted_plant
@@ -94,6 +95,7 @@ def _points(machine: MachineProfile, found: IdentifiedResponse) -> list[LoopPoin
             response=cmath.rect(point.gain, math.radians(point.phase_deg)),
             gain_ci=point.gain_ci,
             amplitude_um=point.amplitude_um,
+            carried_m_per_s=2e-6 * math.pi * CARRIER_UM * (carrier_hz(machine, point.frequency_hz) or 0.0),
         )
         for point in found.points
         if point.coherence >= LEAST_COHERENCE

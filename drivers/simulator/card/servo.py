@@ -359,8 +359,7 @@ class ServoAxis(EncoderAxis):
             self._v = plant.decay * v + plant.push_v * force
         if self._mode is not None:
             slide, pull = self._slide, self._per_bit * self.output_bits
-            # With a lag the current changes through the cycle: the mean of its ends.
-            self._mode.step(0.5 * (before + slide.driven) if slide is not None and self._lags else pull)
+            self._mode.step(pull, before - pull if slide is not None and self._lags else 0.0)
         ends = self._ends
         if ends is not None and not ends.lowest <= self._x + self.origin <= ends.highest:
             self._x, self._v = self._hold(self._x, ends)

@@ -203,23 +203,34 @@ class SimulatedMode:
     cycle moves it exactly. Neither friction nor the force of the cut bends it.
     """
 
-    def __init__(self, hz: float, damping_ratio: float, fraction: float, cycle_s: float) -> None:
+    def __init__(
+        self, hz: float, damping_ratio: float, fraction: float, cycle_s: float, lag_s: float = 0.0
+    ) -> None:
+        """Take frequency, damping and fraction, and the time constant of the current."""
         omega = 2.0 * math.pi * hz
         damped = omega * math.sqrt(1.0 - damping_ratio**2)
         fade, decay = math.exp(-damping_ratio * omega * cycle_s), damping_ratio * omega
         cosine, sine = fade * math.cos(damped * cycle_s), fade * math.sin(damped * cycle_s) / damped
         self._own = cosine + decay * sine, sine, -(omega**2) * sine, cosine - decay * sine
         self._static = fraction / omega**2
+        rate = 1.0 / lag_s if lag_s else 0.0
+        # A part of the acceleration that decays as exp(-rate t) has a bend that does, too.
+        fading = fraction / (rate**2 - 2.0 * damping_ratio * omega * rate + omega**2) if lag_s else 0.0
+        self._fading = fading, rate, math.exp(-rate * cycle_s)
         self.bend = 0.0
         self._speed = 0.0
 
-    def step(self, acceleration: float) -> None:
-        """Advance one cycle under the acceleration of the rigid axis, counts/s2."""
-        rest = self._static * acceleration
-        off, speed = self.bend - rest, self._speed
+    def step(self, acceleration: float, late: float = 0.0) -> None:
+        """Advance one cycle under the commanded acceleration of the rigid axis, counts/s2.
+
+        `late` is by how much that of the current is more when the cycle begins.
+        """
+        rest, (fading, rate, left) = self._static * acceleration, self._fading
+        faded = fading * late
+        off, speed = self.bend - rest - faded, self._speed + rate * faded
         own = self._own
-        self.bend = rest + own[0] * off + own[1] * speed
-        self._speed = own[2] * off + own[3] * speed
+        self.bend = rest + left * faded + own[0] * off + own[1] * speed
+        self._speed = own[2] * off + own[3] * speed - rate * left * faded
 
 
 class Presliding:

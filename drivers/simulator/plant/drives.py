@@ -106,7 +106,9 @@ def _tool(
     loads = _presliding(machine, true, load) if true.presliding_um and true.coulomb_friction_n else load
     mode = None
     if true.flexible_fraction:
-        mode = SimulatedMode(true.flexible_hz, true.flexible_damping, true.flexible_fraction, _cycle_s(machine))
+        mode = SimulatedMode(
+            true.flexible_hz, true.flexible_damping, true.flexible_fraction, _cycle_s(machine), lag_s
+        )
     return ServoAxis(slide, gains, _cycle_s(machine), start_counts, ends, scale, lag_s, loads, mode)
 
 
