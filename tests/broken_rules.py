@@ -444,8 +444,8 @@ _SCIENCE: tuple[Mutation, ...] = (
     Mutation(
         rule="A flexible mode of the axis is in the loop that gains are designed for.",
         file="profiles/axis/plant_fit.py",
-        old="if likely and problem.is_resonance(with_mode.values):",
-        new="if likely and not problem.is_resonance(with_mode.values):",
+        old="and problem.is_resonance(found.values)):",
+        new="and not problem.is_resonance(found.values)):",
         test="tests/profiles/test_loop_design.py::test_a_mode_above_the_measured_frequencies_is_found",
     ),
     Mutation(

@@ -3,7 +3,8 @@
 A response T of a loop with known gains gives its plant at that frequency, P = T / (F - T B). Several amplitudes
 may be given together: dry friction of the force F is, by its describing function, a damping of 4 F / (pi X w) for
 a motion of the amplitude X (A. Gelb and W. E. Vander Velde 1968), so that it separates from the viscous one. For a
-small motion that a swing of the peak speed V carries it is 2 F / (pi V), the mean slope of the sign of the speed.
+small motion that a swing of the peak speed V carries it is 2 F / (pi V), the mean slope of the sign of the speed;
+between the two 4 F / (pi hypot(X w, 2 V)).
 
 What is fitted is the relative error of P, weighted by its confidence. A lag of the current takes from the gain as
 well as from the phase, a delay from the phase alone: the one that describes the points better is taken, or both. A
@@ -162,10 +163,7 @@ class _Problem:
         self._sd = floats(np.hypot(relative, LEAST_SD))
         moved_m = floats([point.amplitude_um * 1e-6 * abs(point.response) for point in points])
         carried = floats([point.carried_m_per_s for point in points])
-        alone = 4.0 / (math.pi * moved_m * 2.0 * np.pi * hz)
-        self._per_friction = np.where(
-            carried > 0.0, 2.0 / (math.pi * np.where(carried > 0.0, carried, 1.0)), alone
-        )
+        self._per_friction = 4.0 / (math.pi * np.hypot(moved_m * 2.0 * np.pi * hz, 2.0 * carried))
 
     def model(self, values: Floats) -> Complexes:
         """Return the plant at the points."""

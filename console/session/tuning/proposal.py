@@ -97,7 +97,7 @@ def _design_gains(here: MachineProfile, known: KnownLoop, lobe_hz: float) -> Gai
         return GainFacts(proposal=None, known=known, reasons=(Problem(code="trial.no_design"),))
     reasons = hidden_problems(here, known, replace(known.loop, gains=proposal.gains))
     if reasons and swept_to_the_end(here, known):
-        # Nobody can measure more: the stiffest that no hidden mode meets.
+        # Until more is measured: the stiffest that no hidden mode meets.
         notes = reasons
         proposal = designed_gains(
             here, known.loop, fit, lobe_hz, allowed=lambda gains: unseen_hz(known.loop, gains, fit) is None
