@@ -205,7 +205,7 @@ class _Problem:
         found, ratio = self.solve_from(start, absent), LEAST_MODE_DAMPING
         while found.values.size > _AXIS and self.is_denied(found.values) and ratio < MOST_MODE_DAMPING:
             ratio = _MORE_DAMPING * max(ratio, math.exp(found.values[_AXIS + 2 :: _MODE].min()))
-            found = self.solve_from(found.values, absent, min(ratio, MOST_MODE_DAMPING))
+            found = self.solve_from(found.values, absent, min(ratio, 0.95 * MOST_MODE_DAMPING))
         return found
 
     def solve_from(
@@ -244,9 +244,7 @@ class _Problem:
             hz=self._hz,
             measured=self._measured,
             sd=self._sd,
-            others=tuple(
-                _plant_of(each) for each in _neighbours(found.values, found.covariance) if not self.is_denied(each)
-            ),
+            others=tuple(_neighbours(found.values, found.covariance)),
             misfit=floats(misfit),
             worst_hz=float(self._hz[place]),
             worst=float(misfit[place]),
@@ -302,29 +300,29 @@ def _plant_of(values: Floats) -> AxisPlant:
     )
 
 
-def _neighbours(values: Floats, covariance: Floats) -> Iterator[Floats]:
-    """Yield parameters with one off: by two standard deviations, or by what a machine's life changes.
+def _neighbours(values: Floats, covariance: Floats) -> Iterator[AxisPlant]:
+    """Yield plants with one parameter off: by two standard deviations, or by what a machine's life changes.
 
-    With two standard deviations the others are off with it, as they are correlated. What a life changes is 5 % of
-    the acceleration, 0.03 ms of delay; of each mode a tenth of its fraction, 2 % of its frequency, and its damping
-    halved.
+    That is 5 % of the acceleration, 0.03 ms of delay; of each mode a tenth of its fraction, 2 % of its frequency,
+    and its damping halved.
     """
-    low, high = _bounds(values.size, math.inf, 1e-4)
     fractions = values[_AXIS::_MODE]
     least = [0.05, 0.0, 0.03, 0.0, 0.0, *(each for c in fractions for each in (0.1 * abs(c), 0.02, 0.7))]
+    sds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     for place in range(values.size):
-        if place == 3:
-            continue
-        sd, is_ratio = (
-            math.sqrt(max(float(covariance[place, place]), 0.0)),
+        step, is_ratio = (
+            max(2.0 * float(sds[place]), least[place]),
             place >= _AXIS and (place - _AXIS) % _MODE == 2,
         )
-        step, way = max(2.0 * sd, least[place]), np.zeros(values.size)
-        way[place] = 1.0
+        if place == 3 or not step:
+            continue
         if is_ratio:
             step = min(step, 1.0)
-        elif 2.0 * sd > least[place]:
-            way = covariance[place] / sd**2
         for sign in (-1.0, 1.0):
-            if not ((place == 1 or is_ratio) and sign > 0):  # more damping does no harm
-                yield floats(np.clip(values + sign * step * way, low, high))
+            if (place == 1 or is_ratio) and sign > 0:
+                continue  # more damping does no harm
+            off = np.array(values)
+            off[place] += sign * step
+            if place in (1, _DELAY, _LAG):
+                off[place] = max(off[place], 0.0)
+            yield _plant_of(floats(off))
