@@ -217,17 +217,19 @@ def certificate_lines(certificate: Sequence[CertifiedOrder], text: Catalogue) ->
 
 
 def certificate_row(each: CertifiedOrder, text: Catalogue) -> tuple[str, ...]:
-    """Return the row of an order: gain and factor only if learned, heights only if a trace has shown them."""
+    """Return the row of an order: heights only if a trace has shown them, the others only if it is learned."""
     learned = each.standing is OrderStatus.LEARNED
     factors = (f"{value:.2f}" if learned else "" for value in (each.gain, each.factor))
-    heights = (
-        "" if um is None else text.units.figure(2.0 * um, "um", 2) for um in (each.on_part_um, each.tool_off_um)
+    on_part, tool_off, most = (
+        "" if um is None else text.units.figure(2.0 * um, "um", 2)
+        for um in (each.on_part_um, each.tool_off_um, each.most_um if learned else None)
     )
     return (
         _term(each, text),
-        *heights,
+        on_part,
+        tool_off,
         *factors,
-        f"{each.bound:.2f}" if learned or each.standing is OrderStatus.NO_PROMISE else "",
+        most,
         _standing(each, text),
     )
 
@@ -252,7 +254,8 @@ def _standing(each: CertifiedOrder, text: Catalogue) -> str:
         return text("certificate.standing.unseen", within=text.units.figure(2.0 * each.known_within_um, "um", 1))
     if each.change is not None and each.standing is OrderStatus.LEARNED:
         return text(f"certificate.change.{'step' if each.change.step else 'drift'}")
-    return text(f"certificate.standing.{each.standing}", limit=f"{PROMISED:g}")
+    judged = {"bound": f"{each.bound:.2f}", "limit": f"{PROMISED:g}"}
+    return text(f"certificate.standing.{each.standing}", **judged)
 
 
 def fingerprint_line(found: FingerprintedCut, text: Catalogue) -> str:

@@ -59,7 +59,8 @@ class CertifiedOrder:
 
     `on_part_um` is on the part, `left_um` what the order teaches of that; None where no trace has shown it.
     `tool_off_um` is by how much the tool was off its path, None where that was not seen. `bound_gain_1` decides
-    whether an order is promised. `change` is what the part has shown of a step or a drift.
+    whether an order is promised. `most_um` is what the next part has at most (95 %), if the order is learned.
+    `change` is what the part has shown of a step or a drift.
     """
 
     order: int
@@ -73,6 +74,7 @@ class CertifiedOrder:
     tool_off_um: float | None = None
     axial: int = 0
     known_within_um: float | None = None
+    most_um: float | None = None
     change: OrderChange | None = None
 
 
@@ -119,19 +121,22 @@ def certify_order(
 ) -> CertifiedOrder:
     """Return the certificate of an order, whose amplitude has the standard deviation `clamped_um` of a clamping.
 
-    That of this part is learned with the gain, and the next part has one of its own: both are in the bound.
+    That of this part is learned with the gain, and the next part has one of its own: it may have both at most.
     """
-    learned, left_um = standing is OrderStatus.LEARNED, abs(shown.left_um or 0j)
+    learned, left_um = standing is OrderStatus.LEARNED, _height(shown.left_um)
     tried = gain if learned else 1.0  # what a step would do
-    scatter = SURE * math.hypot(1.0, tried) * clamped_um / left_um if learned and left_um else 0.0
+    bound, most_um = bound_contraction(tried, follows.spread), None
+    if learned and left_um is not None:
+        most_um = bound * left_um + SURE * math.hypot(1.0, tried) * clamped_um
     return CertifiedOrder(
         order=order,
         gain=gain,
         factor=abs(1.0 - tried),
-        bound=bound_contraction(tried, follows.spread) + scatter,
+        bound=bound,
         bound_gain_1=bound_contraction(1.0, follows.spread),
         on_part_um=_height(shown.on_part_um),
-        left_um=_height(shown.left_um),
+        left_um=left_um,
+        most_um=most_um,
         standing=standing,
         tool_off_um=_height(shown.tool_off_um),
         axial=axial,

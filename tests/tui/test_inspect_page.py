@@ -415,6 +415,7 @@ PART = tuple(
         bound_gain_1=bound,
         on_part_um=left_um,
         left_um=0.5 * left_um,
+        most_um=1.33 if standing is OrderStatus.LEARNED else None,
         standing=standing,
     )
     for order, gain, bound, left_um, standing in (
@@ -440,8 +441,7 @@ def test_every_standing_is_shown_with_its_promise(language: str) -> None:
 
 def test_on_a_screen_in_inches_it_is_in_millionths_of_an_inch() -> None:
     """14.37 um p-p are 565.7 uin."""
-    text = LiveCatalogue("en")
-    text.measure("inch")
+    (text := LiveCatalogue("en")).measure("inch")
     learning = cast(Any, SimpleNamespace(taught=SimpleNamespace(step=SimpleNamespace(certificate=PART))))
     rows = ["".join(words for words, _ in row) for row in certified_lines(learning, text, WIDTH)]
     assert any("565.7" in row for row in rows) and "uin p-p" in "".join(rows)
@@ -458,15 +458,16 @@ def test_what_is_on_the_part_is_shown_beside_the_error_of_its_tool() -> None:
     beyond = replace(PART[-1], on_part_um=None, left_um=None)
     shown, unseen = rows_of(oval, beyond)
     assert shown[:3] == ["2", "10.96", "11.66"]
-    assert unseen[:3] == ["13", "1.42", "too"], "no height, and the bound that was judged"
+    assert unseen == ["13", "too", "uncertain", "(gain", "1:", "1.42", ">", "0.95)"], (
+        "no height, and what was judged"
+    )
     assert "tool error" not in certificate_lines(PART, load("en"))[1], "a part alone does not show it"
 
 
 def test_a_push_has_a_row_and_what_was_refused_is_not_called_learned() -> None:
     """14 um at the entry, none at the end of the cut."""
-    (learned,), (refused,) = (
-        rows_of(*certify_push(14.0, each)) for each in (OrderStatus.LEARNED, OrderStatus.REFUSED)
-    )
+    both = OrderStatus.LEARNED, OrderStatus.REFUSED
+    (learned,), (refused,) = (rows_of(*certify_push(14.0, each)) for each in both)
     assert learned[:5] == ["push", "at", "entry", "14.00", "1.00"] and learned[-1] == "learned"
     assert refused[:4] == learned[:4] and refused[4:] == ["not", "learned:", "refused"]
     assert certify_push(0.0) == ()
