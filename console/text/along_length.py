@@ -10,7 +10,6 @@ from typing import Any
 
 from console.text.catalogue import Catalogue
 from profiles.strict_values import number_or_none
-from profiles.trace_files.sections import NO_SECTIONS
 
 NOTHING = "–"
 
@@ -56,6 +55,8 @@ def form_words(event: Mapping[str, Any], text: Catalogue) -> str:
 
     It is "" if none of them was kept.
     """
+    from profiles.trace_files.sections import NO_SECTIONS  # the first page loads no numpy
+
     rows, z_mm = _sections(event), number_or_none(event.get("section_z_mm"))
     cylt_um, taper_um = (number_or_none(event.get(f"{name}_um")) for name in ("CYLt", "taper"))
     extraction = event.get("extraction")

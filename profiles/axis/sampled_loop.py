@@ -75,8 +75,9 @@ class SampledLoop:
     def plant_response(self, frequency_hz: ArrayLike) -> Complexes:
         """Return P / z with its extra delay, m/V."""
         z, hz = self._z(frequency_hz)
-        held = np.zeros_like(z)
-        for above, below in self._held_parts():
+        (rigid, (*_, decay)), *others = self._held_parts()
+        held = np.polyval(rigid, z) / ((z - 1.0) * (z - decay))  # as factors it is exact close to z = 1
+        for above, below in others:
             held = held + np.polyval(above, z) / np.polyval(below, z)
         return complexes(held / z * np.exp(-2j * np.pi * hz * self.plant.delay_s))
 

@@ -196,6 +196,7 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
         "pages/setup.py EntryLine",
         "pages/inspect.py CalibrateEntry",
         "pages/trace_chooser.py Input",
+        "inspection/part_form.py Input",
     }
 
 

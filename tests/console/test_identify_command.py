@@ -235,7 +235,7 @@ def test_what_is_too_much_or_not_said_right_is_refused_in_a_line(console: Consol
     for too_much, told in (
         ("--amplitude 60", "60 um"),
         ("--amplitude 2", "2 um"),
-        ("--frequencies 10,300", "300 Hz"),
+        ("--frequencies 10,950", "950 Hz"),
         ("--periods 3", "periods: 3"),
         ("--amplitude 50 --frequencies 215", "I117"),
     ):

@@ -201,7 +201,7 @@ def test_six_and_two_jaws_and_a_lobed_blank_on_a_soft_tool() -> None:
 def test_warnings_of_the_process() -> None:
     assert warned(predict(MODEL, LATHE)) == set()
     deeper = replace(MODEL, depth_of_cut_mm=0.3)
-    assert warned(predict(deeper, LATHE)) == {"rule.chatter_width"}
+    assert warned(predict(deeper, LATHE)) == {"rule.chatter_width", "rule.moving_out"}
     for share, near in ((0.17, False), (0.199, True), (0.201, True), (0.23, False)):
         walled = replace(MODEL, wall_thickness_mm=share * MODEL.radius_mm)
         assert warned(predict(walled, LATHE)) == ({"rule.wall_border"} if near else set())

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from console.session.data.run_rows import form_of
 from profiles.problem import ProblemError
-from profiles.strict_values import from_json, number, text
+from profiles.strict_values import from_json, number, number_or_none, text
 
 RECENT = 20  # parts of a job that are kept one by one
 LOCK_TIMEOUT_S = 0.1  # how long to wait for a writer; a list of jobs is not worth more
@@ -82,3 +82,13 @@ def last_results(folder: Path, *, simulated: bool) -> LastResults:
             z_mm=form["worst_z_mm"],
         )
     return results
+
+
+def form_of(form: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return CYLt and the least round section of a measured part as fields of `RunRow`; None: not kept."""
+    listed, known = form.get("sections"), list[tuple[float, float]]()
+    for each in listed if isinstance(listed, list) else ():
+        row = [number_or_none(each.get(key)) for key in ("RONt_um", "z_mm")] if isinstance(each, dict) else [None]
+        known += [(row[0], row[1])] if row[0] is not None and row[1] is not None else []
+    ront_um, z_mm = max(known, default=(None, None))
+    return {"cylt_um": number_or_none(form.get("CYLt_um")), "worst_ront_um": ront_um, "worst_z_mm": z_mm}

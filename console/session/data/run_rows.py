@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
+from console.session.data.history import form_of
 from profiles.problem import Problem
 from profiles.strict_values import from_json, number_or_none
 
@@ -182,16 +183,6 @@ def _parts(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, di
         run_id: {**dict(zip(_FIGURES, part, strict=True)), **form_of(table_of(form or ""))}
         for run_id, form, *part in found
     }
-
-
-def form_of(form: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return CYLt and the least round section of a measured part as fields of `RunRow`; None: not kept."""
-    listed, known = form.get("sections"), list[tuple[float, float]]()
-    for each in listed if isinstance(listed, list) else ():
-        row = [number_or_none(each.get(key)) for key in ("RONt_um", "z_mm")] if isinstance(each, dict) else [None]
-        known += [(row[0], row[1])] if row[0] is not None and row[1] is not None else []
-    ront_um, z_mm = max(known, default=(None, None))
-    return {"cylt_um": number_or_none(form.get("CYLt_um")), "worst_ront_um": ront_um, "worst_z_mm": z_mm}
 
 
 def _marks(values: Iterable[object]) -> str:

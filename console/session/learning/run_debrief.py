@@ -199,8 +199,8 @@ def _diagnosis(stories: Sequence[RunStory], data: Path) -> FaultDiagnosis | None
             seen = None
         if part is not None and seen is not None:
             parts.append(_with_record(seen, part, story, place))
-    last, job = stories[-1], stories[-1].read_job()
-    if not parts or parts[-1].place != len(stories) - 1 or job is None:
+    last = stories[-1]
+    if not parts or parts[-1].place != len(stories) - 1 or (job := last.read_job()) is None:
         return None
     machine = _machine(last)
     orders = [job.jaws * each for each in MULTIPLES if each % 2]
