@@ -154,15 +154,15 @@ def _result(part: RecordedPart, kind: ToleranceKind, value_um: float | None, jud
 
 
 def _uncertainty(judged: JudgedFigure | None, text: Catalogue) -> str:
-    u_um = getattr(judged, "u_um", None)
-    return text("report.certificate.no_u") if u_um is None else f"± {um(u_um)}"
+    if judged is None or judged.u_um is None:
+        return text("report.certificate.no_u")
+    return f"± {um(judged.u_um)}"
 
 
 def _rule(judged: JudgedFigure | None, text: Catalogue) -> str:
     if judged is None:
         return text("report.certificate.information")
-    rule = getattr(judged, "rule", None)
-    return text("report.certificate.simple") if rule is None else text(f"judged.rule.{rule}")
+    return text("report.certificate.simple") if judged.rule is None else text(f"judged.rule.{judged.rule}")
 
 
 def _conformity(part: RecordedPart, judged: JudgedFigure | None, verdict: ReportVerdict, text: Catalogue) -> str:
