@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -249,7 +250,7 @@ def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypat
     row = Row(lambda _: None, sim=SimulatedLathe(MACHINE, plant_named(str(plant), MACHINE, 3)))
     monkeypatch.setattr(learning, "MOST_AIR_PASSES", 3)
     for compared in ("reference", "floor"):
-        monkeypatch.setattr(learning._Learner, compared, lambda *_: None)
+        monkeypatch.setattr(learning._Learner, compared, lambda *_: SimpleNamespace(ront_um=55.0))
     plan = plan_run(replace(JOB, cut_length_mm=1.0), MACHINE, Strategy.CAM, watchdog=cut_condition(MACHINE))
     result = learn(plan, row.shop, row.tell, 1)
     (part,) = result.parts

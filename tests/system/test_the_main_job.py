@@ -49,8 +49,11 @@ def test_a_trainee_makes_a_round_part_with_a_stop_in_mid_cut(
         trainee.press("f8")
         trainee.starts_the_cut("run_page.next.arm_again")
         trainee.waits_for_the_end_of_the_cut()
-        trainee.measures()
+        trainee.press("6")
+        trainee.sees("inspect_page.next.measure")
+        trainee.press("m")
         terminal.wait_for(RONT)
+        fails_at_its_mark_alone(trainee)
         assert ront_after_um(terminal.text) < 1.0
         assert "SIM" in terminal.row(0)
         trainee.press("4")
@@ -94,6 +97,29 @@ def ront_after_um(screen: str) -> float:
     found = re.search(RONT, screen)
     assert found is not None, screen
     return float(found[2])
+
+
+def fails_at_its_mark_alone(trainee: Trainee) -> None:
+    """Another cut does not remove the mark of a stop: the part passes unless one of its sections is in that mark.
+
+    The land of the tool is 0.4 mm wide, and the carriage coasts.
+    """
+    verdict = re.compile(r"([✗✓])[^\n]*[:/][^\n]*Z (\d+\.\d)")
+    mark = re.compile(r"(?:marked it|자유단에서)[^.]*?(\d+\.\d)(?= *(?:mm|│))")
+    shown: list[tuple[str, float, float]] = []
+
+    def are_shown(text: str) -> bool:
+        if (judged := verdict.search(text)) and (marked := mark.search(text)):
+            shown.append((judged[1], float(judged[2]), float(marked[1])))
+        return bool(shown)
+
+    trainee.sees("inspect_page.marked")
+    trainee.terminal.wait_for(are_shown)
+    sign, z_mm, mark_mm = shown[-1]
+    if sign == "✗":
+        assert load_job(FIRST_JOB).job.overhang_mm - z_mm == pytest.approx(mark_mm, abs=0.35)
+    else:
+        trainee.sees("inspect_page.next.part")
 
 
 def presses_stop(trainee: Trainee, data: Path) -> None:
