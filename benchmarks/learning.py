@@ -13,8 +13,9 @@ Each row of parts is told on the error output as it ends.
 `--how`: `all` is as the console learns; `constant` has one amplitude along Z, and `middle` learns nothing of the
 sections off the middle; `lobe` learns the lobe and its overtones alone; `fixed` has the gains 1 and 0.7 in place
 of the optimal ones; `before` both of these; `loop` is `all` with the gains of the tool that `console tune show`
-proposes for the first of these lathes. `--job square` has four jaws, `six` has six, `long` a cut of 40 mm. With
-`--fingerprint` an indicator shows each clamping before it is cut.
+proposes for the first of these lathes; `unwatched` follows no step and no drift between
+parts. `--plant` is a preset or a file (docs/plant.md). `--job square` has four jaws, `six` has six, `long` a cut
+of 40 mm. With `--fingerprint` an indicator shows each clamping before it is cut.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ HOWS = {
     "loop": LearnHow(),
     "constant": LearnHow(along=False),
     "middle": LearnHow(along=False),
+    "unwatched": LearnHow(changes=False),
 }
 CUT_MM = 8.0
 DESIGNED_FOR = "realistic", 1

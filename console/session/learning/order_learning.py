@@ -62,13 +62,15 @@ ALWAYS_FITTED = (1, OVAL)  # run-out and oval of a blank would leak into the oth
 class LearnHow:
     """How parts teach: `every_order`, or the lobe and its overtones; by `optimal` gains, or by fixed ones.
 
-    With `fingerprint` an indicator shows the clamping of each part before it is cut; `along` learns from sections.
+    With `fingerprint` an indicator shows the clamping of each part before it is cut; `along` learns from sections;
+    `changes` follows steps and drifts.
     """
 
     every_order: bool = True
     optimal: bool = True
     fingerprint: bool = False
     along: bool = True
+    changes: bool = True
 
 
 class OrderLearning:
@@ -178,7 +180,8 @@ class OrderLearning:
     def _add(self, order: int, left_um: complex, had_um: complex, sd_um: float, clamped: float = 0.0) -> None:
         seen = ShownOrder(shown_um=left_um + had_um, path_um=had_um, sd_um=sd_um, clamped=clamped)
         self._shown[order] = (*self._shown.get(order, ()), seen)
-        self._states[order] = state_of(self._shown[order], order, self._lobes)
+        if self._how.changes:
+            self._states[order] = state_of(self._shown[order], order, self._lobes)
 
     def state(self, order: int) -> OrderState:
         """Return whether an order, 0 for the size, has stepped or drifts."""
