@@ -85,7 +85,7 @@ def test_records_say_what_a_part_fails_by_and_why(console: Console, tmp_path: Pa
     run = recorded(tmp_path, {"": lobed(0.5)}, whole=growing(12.0))
     data = ("--data", str(tmp_path))
     shown = console("records", "show", run[:8], *data).out
-    assert "in its middle, NOT within a tolerance over its length" in " ".join(shown.split())
+    assert "RONt 13.00 um at Z 22.0 mm, NOT within 5" in " ".join(shown.split())
     assert "RONt 13.00 um at Z 22.0 mm: outside its tolerance of 5 um" in shown
     told = " ".join(console("records", "debrief", run[:8], *data).out.split())
     assert "RONt 13.00 um at Z 22.0 mm, allowed 5: 8.00 um too much." in told
