@@ -177,6 +177,17 @@ def run_of_trace(folder: Path, trace_sha256: str, other_than: str | None = None)
     return None if found is None else str(found[0])
 
 
+def strategy_of_trace(folder: Path, trace_sha256: str) -> str | None:
+    """Return how the newest part with this trace was cut, "none" for a plain one; None without one; as `runs`."""
+    query = """
+    SELECT iif(product, strategy, 'none') FROM measurements JOIN runs USING (run_id) WHERE trace_sha256 = ?
+    ORDER BY measurements.rowid DESC LIMIT 1
+    """
+    with _reading(folder) as database:
+        found = None if database is None else database.execute(query, (trace_sha256,)).fetchone()
+    return None if found is None else str(found[0])
+
+
 def cuts_of_run(folder: Path, run_id: str) -> list[tuple[str, str, str]]:
     """Return kind, data and date of the cuts of a run that came to their end, newest first; as `run_of_trace`."""
     query = """
