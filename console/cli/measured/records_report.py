@@ -31,6 +31,7 @@ from console.text.recorded_words import (
 )
 from profiles.axis.response import ResponseSource
 from profiles.files import printable
+from profiles.metrology.cylindricity import cylinder_event
 from profiles.metrology.unrolled import PROFILES
 from profiles.strict_values import number_or_none
 
@@ -196,7 +197,7 @@ def _part_fields(part: RecordedPart) -> dict[str, object]:
         **fields_of(part, "number", "part", "product", *FIGURES, "lobe_um_pp"),
         **fields_of(part, "trace_name", "trace_sha256"),
         "trace_bytes": None if part.trace is None else len(part.trace),
-        "result": {key: value for key, value in part.data.items() if key != PROFILES},
+        "result": cylinder_event(None) | {key: value for key, value in part.data.items() if key != PROFILES},
     }
 
 
