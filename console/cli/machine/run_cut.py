@@ -169,7 +169,7 @@ def result_lines(result: RunResult, text: Catalogue) -> list[str]:
         return [*_run_lines(result, text), text("run.simulated" if result.simulated else closing)]
     last = result.parts[-1]
     certificate = [
-        *part_sentences.certificate_lines(last.certificate, text),
+        *part_sentences.certificate_lines(last.certificate, result.plan.job.jaws, text),
         *_left_lobe(result, text),
         *_describe_blank_orders(result, text),
     ]

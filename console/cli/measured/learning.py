@@ -218,7 +218,7 @@ def _step_lines(found: LearningOutcome, text: Catalogue, *, fails: bool) -> list
     if step.placed:
         lines += [*table(rows, numeric=(1, 2)), *_below_forecast(step.expected_ront_um, text)]
         lines += ["", *table(_facts(step, text))]
-        lines += ["", *certificate_lines(step.certificate, text)]
+        lines += ["", *certificate_lines(step.certificate, step.next.path.target.lobes, text)]
     else:
         lines += table([(name, measured, unit) for name, measured, _, unit in rows], numeric=(1,))
     causes = [f"  {cause_words(cause, text)}" for cause in found.causes]
