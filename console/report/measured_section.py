@@ -413,7 +413,7 @@ def _all_parts(run: OpenedRun, text: Catalogue) -> Markup | None:
     rows = [
         [
             " · ".join(filter(None, (part_words(part.part or "part", text), note))),
-            number(part.ront_um, 3),
+            f"{number(part.worst[0], 3)}{place_words(part.worst[1], text)}",
             number(part.lobe_um_pp, 3),
             number(part.diameter_mm, 4),
             _describe_pass(part.passed, text),

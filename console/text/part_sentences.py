@@ -205,12 +205,12 @@ def certificate_fields(certificate: Sequence[CertifiedOrder]) -> list[dict[str, 
     return [asdict(each) for each in certificate]
 
 
-def certificate_lines(certificate: Sequence[CertifiedOrder], text: Catalogue) -> list[str]:
-    """Return the certificate as a table with its title; nothing for none."""
+def certificate_lines(certificate: Sequence[CertifiedOrder], lobes: int, text: Catalogue) -> list[str]:
+    """Return the certificate of a lobe of this order as a table with its title; nothing for none."""
     if not certificate:
         return []
     rows = [tuple(text(f"certificate.{name}") for name in COLUMNS)]
-    rows += [certificate_row(each, text) for each in certificate if not _says_nothing(each)]
+    rows += [certificate_row(each, text) for each in certificate if not _says_nothing(each, lobes)]
     if all(each.tool_off_um is None for each in certificate):
         rows = [(*row[:TOOL_OFF], *row[TOOL_OFF + 1 :]) for row in rows]
     return [text("certificate.title"), *table(rows, numeric=range(len(rows[0]) - 1))]
@@ -234,9 +234,9 @@ def certificate_row(each: CertifiedOrder, text: Catalogue) -> tuple[str, ...]:
     )
 
 
-def _says_nothing(each: CertifiedOrder) -> bool:
-    """Whether a row is of noise along the cut, of which there are two an order."""
-    return each.axial > 0 and each.standing in (OrderStatus.NOISE, OrderStatus.ONE_PART)
+def _says_nothing(each: CertifiedOrder, lobes: int) -> bool:
+    """Whether a row is of noise along the cut, of which there are two an order, and not of the lobe itself."""
+    return each.axial > 0 and each.order != lobes and each.standing in (OrderStatus.NOISE, OrderStatus.ONE_PART)
 
 
 def _term(each: CertifiedOrder, text: Catalogue) -> str:

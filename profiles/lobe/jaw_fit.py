@@ -21,10 +21,12 @@ from profiles.arrays import floats
 from profiles.chucking.held_part import held_part
 from profiles.job import Job
 from profiles.lobe.along import along_um
+from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
 from profiles.problem import refusal_error
 
 LEAST_SD_UM = 0.1  # of an amplitude: a height that is off by 0.1 mm makes as much of a lobe of 30 um; assumed
+LEAST_OF_STATED = 0.25  # of the job's lobe at mid-cut, on a plain part: a compensation leaves less; a choice
 MOST_SD = 0.15  # of a fraction that is worth keeping: that of the profiles is a guess to about a quarter
 
 
@@ -59,8 +61,8 @@ def fit_straight_fraction(job: Job, machine: MachineProfile, sections: Sequence[
     """Return how the jaws of a machine hold the part of a job.
 
     Raises `ProfileError`: `jaws.height`, a section that is not within the cut; `jaws.undetermined`, sections that
-    leave the fraction open by more than `MOST_SD`, or a part that does not bend; `jaws.outside`, a fraction that
-    no jaws have; `rule.material_unknown`.
+    leave the fraction open by more than `MOST_SD`, or a part that does not bend; `jaws.compensated`, a lobe too
+    small for a plain part; `jaws.outside`, a fraction that no jaws have; `rule.material_unknown`.
     """
     part, key = held_part(job, machine), "jaw_straight_fraction"
     z_mm = floats([each.z_mm for each in sections])
@@ -74,7 +76,9 @@ def fit_straight_fraction(job: Job, machine: MachineProfile, sections: Sequence[
     lobes = np.array([each.lobe_um for each in sections])
     axis = lobes[np.abs(lobes).argmax()]
     ways = (replace(part, holding=replace(part.holding, straight_fraction=fraction)) for fraction in (1.0, 0.0))
-    columns = np.stack([along_um(each, tuple(z_mm.tolist()))[0] for each in ways], axis=1)
+    places = (*z_mm.tolist(), middle_mm(job))
+    *rows, middle = np.stack([along_um(each, places)[0] for each in ways], axis=1)
+    columns = np.array(rows)
     # Where the lobe is largest the part is high at the jaws, unless the model has it low there.
     along = (lobes * axis.conjugate()).real / abs(axis) * np.sign(columns[np.abs(lobes).argmax()].sum())
     weights = 1.0 / floats([max(each.sd_um, LEAST_SD_UM) for each in sections])
@@ -87,7 +91,13 @@ def fit_straight_fraction(job: Job, machine: MachineProfile, sections: Sequence[
     fraction, sd = float(p / (p + q)), float(np.sqrt(max(scatter, 1.0) * by @ cofactors @ by))
     found = f"{fraction:.2f} ± {sd:.2g}"
     surely_outside = not -2.0 * sd <= fraction <= 1.0 + 2.0 * sd
-    if not (sd <= MOST_SD or surely_outside):
+    determined, even = sd <= MOST_SD or surely_outside, columns.sum(axis=1)
+    parts = np.array([p, q]) if determined else np.full(2, even @ along / (even @ even))
+    middle_um, least_um = 2.0 * float(middle @ parts), LEAST_OF_STATED * job.lobe_error_um_pp
+    if middle_um < least_um:
+        value, limit = f"{middle_um:.1f} um p-p", f"{least_um:.1f} um p-p"
+        raise refusal_error("jaws.compensated", key="lobe_error_um_pp", value=value, limit=limit)
+    if not determined:
         raise refusal_error("jaws.undetermined", key=key, value=f"{found}, {heights}", limit=f"± {MOST_SD:g}")
     if not 0.0 <= fraction <= 1.0:
         raise refusal_error("jaws.outside", key=key, value=found, limit="0 … 1")

@@ -45,6 +45,10 @@ class SectionForm:
     ront_um: float
     mean_um: float
 
+    def fields(self) -> dict[str, float]:
+        """Return it as records and results in JSON have it."""
+        return {"z_mm": self.z_mm, "RONt_um": self.ront_um, "mean_um": self.mean_um}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerances:

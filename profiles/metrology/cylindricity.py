@@ -24,7 +24,7 @@ from profiles.metrology.conformity import SectionForm
 from profiles.metrology.length_causes import CAUSES, LengthCause, length_causes
 from profiles.metrology.points import POINTS_PER_UNDULATION, angle_weights, gaussian_weights
 from profiles.metrology.profile_filters import FilterKind
-from profiles.problem import Problem, refusal_error
+from profiles.problem import Problem, ProfileError, refusal_error
 from profiles.roundness import profile_of
 from profiles.trace_files.sections import (
     BIRD_CAGE,
@@ -121,13 +121,10 @@ class CylinderResult:
 
     def event(self) -> dict[str, object]:
         """Return what records and results in JSON have: the sections, CYLt (MZCY) and what it consists of."""
-        sections = [
-            {"z_mm": each.z_mm, "RONt_um": each.ront_um, "mean_um": each.mean_um} for each in self.sections
-        ]
         names = ("taper_um", "crown_um", "axis_straightness_um", "generatrix_straightness_um")
         lines = {name: getattr(self, name) for name in names}
         return {
-            "sections": sections,
+            "sections": [each.fields() for each in self.sections],
             "CYLt_um": self.cylt_um,
             **lines,
             CAUSES: [asdict(each) for each in self.causes],
@@ -158,6 +155,16 @@ class CylinderResult:
         return next(each for each in self.cylinders if each.kind == kind)
 
 
+def cylinder_event(whole: CylinderResult | None) -> dict[str, object]:
+    """Return the form of a part for records and results in JSON; not known: no sections, and CYLt is None."""
+    return {"sections": [], "CYLt_um": None} if whole is None else whole.event()
+
+
+def few_sections(count: int, key: str = HEIGHT) -> Problem:
+    """Return why so few sections have no form over the length."""
+    return Problem(code="trace.few_sections", key=key, value=str(count), limit=f">= {LEAST_SECTIONS}")
+
+
 def evaluate_cylinder(
     sections: Sequence[PartSection],
     *,
@@ -173,8 +180,7 @@ def evaluate_cylinder(
     """
     heights = sorted({each.z_mm for each in sections})
     if len(heights) < LEAST_SECTIONS:
-        value, limit = str(len(heights)), f">= {LEAST_SECTIONS}"
-        raise refusal_error("trace.few_sections", key="z_mm", value=value, limit=limit)
+        raise ProfileError(few_sections(len(heights)))
     whole = [
         filtered_section(each, filter_upr, filter_kind) for each in sorted(sections, key=lambda each: each.z_mm)
     ]
@@ -192,7 +198,7 @@ def evaluate_cylinder(
     turns = np.stack([section_at(each, TURN_DEG) for each in whole])
     least = min(each.angle_deg.size for each in whole)
     return CylinderResult(
-        sections=tuple(map(_form, whole)),
+        sections=tuple(map(section_form, whole)),
         filter_upr=filter_upr,
         cylinders=cylinders,
         causes=length_causes(floats([each.z_mm for each in whole]), turns, least, cylt_um),
@@ -407,7 +413,8 @@ def filtered_section(section: PartSection, filter_upr: float | None, filter_kind
     )
 
 
-def _form(section: PartSection) -> SectionForm:
+def section_form(section: PartSection) -> SectionForm:
+    """Return roundness (LSCI) and mean deviation of a filtered section."""
     mean_um, x, y = _centre(section)
     theta = np.radians(section.angle_deg)
     profile = section.deviation_um - mean_um - x * np.cos(theta) - y * np.sin(theta)

@@ -15,6 +15,8 @@ from console.session.cut.run import plan_run
 from console.session.data.calibrations import files_of
 from console.session.data.calibrations import load as load_kept
 from console.session.data.kept_files import jobs_folder
+from console.session.data.measured_part import RecordedPart
+from console.session.data.records import RunRecord
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, accept_lobe, lobe_of
 from console.session.learning.chuck_calibrating import stated_number
@@ -31,6 +33,7 @@ from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, load_machine, save
 from tests.compact import compact_machine
 from tests.console.commands import Console, JobFile
 from tests.console.floor import Floor, open_floor
+from tests.console.test_run_reader import RUN
 
 JOB = "lee-2001-experiment-1"
 INDEX = ("# state: free", "# direction: spindle", "# start_mark: spindle index")
@@ -398,3 +401,20 @@ def test_sections_that_are_none_of_a_plain_part_or_too_close_are_refused(console
     assert refused.code != 0 and "± 0.15" in refused.err and "25.98, 26.02 mm" in refused.err
     one = sections_file(tmp_path, 3.0, "# state: free", past_mm=(0.0,))
     assert console("calibrate", "jaws", str(one), "--job", JOB, "--lang", "ko").code != 0
+
+
+def test_how_the_part_was_cut_comes_from_the_record_or_is_said_to_be_assumed(
+    console: Console, tmp_path: Path
+) -> None:
+    path = sections_file(tmp_path, 3.0, "# state: free")
+    words = ("calibrate", "jaws", str(path), "--job", JOB, "--data", str(tmp_path))
+    assumed = console(*words, "--json")
+    assert assumed.code == 0 and "# strategy: none" in assumed.err and assumed.json["warnings"]
+    for product in (False, True):  # the part for comparison is cut without compensation
+        run = RunRecord(tmp_path, {**RUN, "strategy": "pvt"})
+        part = RecordedPart(ront_um=1.0, product=product, trace=path.read_bytes(), trace_name="sections.csv")
+        run.add("part", {"part": "", "ront_um": 1.0}, part)
+        run.close()
+        recorded = console(*words)
+        assert (recorded.code == 0) is not product
+        assert ("strategy pvt" in recorded.err) is product and "# strategy: none" not in recorded.err

@@ -85,7 +85,7 @@ def test_records_say_what_a_part_fails_by_and_why(console: Console, tmp_path: Pa
     run = recorded(tmp_path, {"": lobed(0.5)}, whole=growing(12.0))
     data = ("--data", str(tmp_path))
     shown = console("records", "show", run[:8], *data).out
-    assert "in its middle, NOT within a tolerance over its length" in " ".join(shown.split())
+    assert "RONt 13.00 um at Z 22.0 mm, NOT within 5" in " ".join(shown.split())
     assert "RONt 13.00 um at Z 22.0 mm: outside its tolerance of 5 um" in shown
     told = " ".join(console("records", "debrief", run[:8], *data).out.split())
     assert "RONt 13.00 um at Z 22.0 mm, allowed 5: 8.00 um too much." in told
@@ -176,6 +176,22 @@ def test_one_section_says_where_it_is_and_that_the_length_was_not_measured(
     found = console(*measured, "--json").json
     assert found["within_tolerance"] is None
     assert [each["passes"] for each in found["judged"]] == [True, None, True]
+
+
+def test_two_sections_have_their_roundness_and_say_why_there_is_no_cylindricity(
+    console: Console, tmp_path: Path
+) -> None:
+    measured = ("roundness", sections_file(tmp_path, 12.0, (24.0, 28.0)))
+    found = console(*measured, "--json").json
+    assert found["CYLt_um"] is None
+    rows = [(each["z_mm"], each["RONt_um"]) for each in found["sections"]]
+    assert rows == [(24.0, pytest.approx(7.0, rel=0.01)), (28.0, pytest.approx(5.0, rel=0.01))]
+    told = console(*measured)
+    assert told.code == 0 and "needs >= 3" in told.err and "24.000 mm" in told.out
+    judged = (*measured, "--job", job_with(tmp_path, 8.0), "--fail-out-of-tolerance")
+    assert console(*judged).code == 3 and "at Z 24.0 mm: outside" in console(*judged).out
+    one = console("roundness", sections_file(tmp_path, 12.0, (26.0,)))
+    assert one.code == 0 and "needs >= 3" in one.out
 
 
 def test_a_run_whose_part_is_good_in_its_middle_only_is_told_by_the_exit_code(

@@ -107,3 +107,16 @@ def test_what_no_jaws_have_is_refused_by_how_much() -> None:
     with pytest.raises(ProfileError) as refused:
         fit_straight_fraction(ONE, LATHE, [replace(each, z_mm=each.z_mm + 22.0) for each in sections])
     assert refused.value.problems[0].code == "jaws.height"
+
+
+def test_sections_of_a_compensated_part_are_refused_by_how_small_their_lobe_is() -> None:
+    """A tenth of the lobe everywhere, and what a path leaves that is the same at every Z."""
+    plain = sections_of(TWO, 45.0, (3.2, 0.0, -3.2))
+    middle_um = plain[1].lobe_um
+    for left in ([0.1 * each.lobe_um for each in plain], [each.lobe_um - 0.95 * middle_um for each in plain]):
+        with pytest.raises(ProfileError) as refused:
+            fit_straight_fraction(TWO, LATHE, [replace(s, lobe_um=c) for s, c in zip(plain, left, strict=True)])
+        (problem,) = refused.value.problems
+        assert (problem.code, problem.key) == ("jaws.compensated", "lobe_error_um_pp")
+        assert float(problem.limit.split()[0]) == pytest.approx(0.25 * TWO.lobe_error_um_pp, abs=0.06)
+        assert float(problem.value.split()[0]) < float(problem.limit.split()[0])

@@ -117,7 +117,9 @@ def fails_at_its_mark_alone(trainee: Trainee) -> None:
     trainee.terminal.wait_for(are_shown)
     sign, z_mm, mark_mm = shown[-1]
     if sign == "✗":
-        assert load_job(FIRST_JOB).job.overhang_mm - z_mm == pytest.approx(mark_mm, abs=0.35)
+        assert load_job(FIRST_JOB).job.overhang_mm - z_mm == pytest.approx(mark_mm, abs=0.35), (
+            trainee.terminal.text
+        )
     else:
         trainee.sees("inspect_page.next.part")
 

@@ -431,7 +431,9 @@ PART = tuple(
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_every_standing_is_shown_with_its_promise(language: str) -> None:
-    learning = cast(Any, SimpleNamespace(taught=SimpleNamespace(step=SimpleNamespace(certificate=PART))))
+    path = SimpleNamespace(target=SimpleNamespace(lobes=3))
+    step = SimpleNamespace(certificate=PART, next=SimpleNamespace(path=path))
+    learning = cast(Any, SimpleNamespace(taught=SimpleNamespace(step=step)))
     rows = certified_lines(learning, load(language), WIDTH)
     assert all(width_of(row) <= WIDTH for row in rows)
     shown = ["".join(text for text, _ in row) for row in rows]
@@ -442,14 +444,16 @@ def test_every_standing_is_shown_with_its_promise(language: str) -> None:
 def test_on_a_screen_in_inches_it_is_in_millionths_of_an_inch() -> None:
     """14.37 um p-p are 565.7 uin."""
     (text := LiveCatalogue("en")).measure("inch")
-    learning = cast(Any, SimpleNamespace(taught=SimpleNamespace(step=SimpleNamespace(certificate=PART))))
+    path = SimpleNamespace(target=SimpleNamespace(lobes=3))
+    step = SimpleNamespace(certificate=PART, next=SimpleNamespace(path=path))
+    learning = cast(Any, SimpleNamespace(taught=SimpleNamespace(step=step)))
     rows = ["".join(words for words, _ in row) for row in certified_lines(learning, text, WIDTH)]
     assert any("565.7" in row for row in rows) and "uin p-p" in "".join(rows)
     assert "um p-p" not in "".join(rows)
 
 
 def rows_of(*certificate: CertifiedOrder) -> list[list[str]]:
-    return [row.split() for row in certificate_lines(certificate, load("en"))[2:]]
+    return [row.split() for row in certificate_lines(certificate, 3, load("en"))[2:]]
 
 
 def test_what_is_on_the_part_is_shown_beside_the_error_of_its_tool() -> None:
@@ -461,7 +465,13 @@ def test_what_is_on_the_part_is_shown_beside_the_error_of_its_tool() -> None:
     assert unseen == ["13", "too", "uncertain", "(gain", "1:", "1.42", ">", "0.95)"], (
         "no height, and what was judged"
     )
-    assert "tool error" not in certificate_lines(PART, load("en"))[1], "a part alone does not show it"
+    assert "tool error" not in certificate_lines(PART, 3, load("en"))[1], "a part alone does not show it"
+
+
+def test_along_the_cut_the_lobe_has_its_rows_when_they_are_noise_and_other_orders_have_none() -> None:
+    along = replace(PART[1], axial=1, standing=OrderStatus.NOISE, on_part_um=0.1)
+    (shown,) = rows_of(replace(along, order=2), replace(along, order=3), replace(along, order=0))
+    assert shown[:4] == ["3", "slope", "Z", "0.20"]
 
 
 def test_a_push_has_a_row_and_what_was_refused_is_not_called_learned() -> None:

@@ -64,6 +64,7 @@ from drivers.simulator.plant.which_lathe import LATHE
 from profiles.compensations.certificate import OrderStatus
 from profiles.compensations.path import PathHarmonic
 from profiles.job import TOLERANCES, Job
+from profiles.metrology.cylindricity import cylinder_event
 from profiles.problem import Problem, ProblemError
 from profiles.roundness import RoundnessResult
 from profiles.traces import Trace, write_trace
@@ -90,7 +91,7 @@ def result_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
     if isinstance(result, LearnResult):
         several = {
             "passes": [_part_fields(part) for part in result.parts],
-            "floor": roundness_fields(result.floor),
+            "floor": {**roundness_fields(result.floor), **cylinder_event(result.floor_whole)},
         }
     return {
         "job": plan.job.name,
@@ -107,7 +108,7 @@ def result_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "lobe_frequency_hz": result.lobe_frequency_hz,
         "before": None if result.before is None else roundness_fields(result.before),
         "after": None if result.after is None else roundness_fields(result.after),
-        **({} if result.whole is None else result.whole.event()),
+        **cylinder_event(result.whole),
         "improvement_percent": result.improvement_percent,
         **fields_of(plan.job, *TOLERANCES),
         "within_tolerance": None,
@@ -130,7 +131,7 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
     path = part.path
     return {
         **roundness_fields(part.roundness),
-        **({} if part.whole is None else part.whole.event()),
+        **cylinder_event(part.whole),
         "mean_deviation_um": part.roundness.mean_deviation_um,
         "learned": {
             "air_lobe_error_um_pp": list(part.air_um),
@@ -168,7 +169,7 @@ def result_lines(result: RunResult, text: Catalogue) -> list[str]:
         return [*_run_lines(result, text), text("run.simulated" if result.simulated else closing)]
     last = result.parts[-1]
     certificate = [
-        *part_sentences.certificate_lines(last.certificate, text),
+        *part_sentences.certificate_lines(last.certificate, result.plan.job.jaws, text),
         *_left_lobe(result, text),
         *_describe_blank_orders(result, text),
     ]

@@ -14,6 +14,7 @@ from console.cli.library import DEFAULT_MACHINE, SIM_OPTION, data_of, job_of, ma
 from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import large_step
 from console.session.data.calibrations import Calibration, date_problems, newest
+from console.session.data.run_reader import strategy_of_trace
 from console.session.errors import refuse
 from console.session.learning.chuck_calibrating import (
     chuck_calibration,
@@ -75,10 +76,15 @@ def calibrate_jaws(options: Namespace, text: Catalogue) -> int:
     """Fit how the jaws of a machine hold to the sections of a plain part."""
     files = (options.file, *options.others)
     loaded, job, data = machine_of(options, SIM_OPTION), job_of(options).job, data_of(options)
-    where, lobes = printable(", ".join(files)), []
+    where, lobes, assumed = printable(", ".join(files)), list[SectionLobe](), False
     digest = hashlib.sha256()
     for file in files:
-        digest.update(read_regular_file(Path(file), cap_bytes=CAP_BYTES, area="trace"))
+        content = read_regular_file(Path(file), cap_bytes=CAP_BYTES, area="trace")
+        digest.update(content)
+        strategy = strategy_of_trace(data, hashlib.sha256(content).hexdigest())
+        if strategy not in (None, "none"):
+            raise refusal_error("lobe.compensated", where=file, key="strategy", value=strategy, limit="none")
+        assumed |= strategy is None
     with naming(where):
         for section in read_sections([Path(file) for file in files]):
             if section.z_mm is None:
@@ -86,12 +92,14 @@ def calibrate_jaws(options: Namespace, text: Catalogue) -> int:
             (z_mm,), _ = place_heights([section.z_mm], header_of(section.trace.meta)[0], job)
             found = find_lobe(section.trace, job, practice=options.sim)
             refuse([each for each in found.reasons if each.code not in OF_PHASE])
+            assumed &= not {"strategy", "compensation"} & section.trace.meta.keys()
             lobe = found.fit.lobe
             at = complex(lobe.cos_um, -lobe.sin_um)
             lobes.append(SectionLobe(z_mm=z_mm or section.z_mm, lobe_um=at, sd_um=lobe.sd_um))
         fit = fit_straight_fraction(job, loaded.machine, lobes)
     calibration = chuck_calibration(loaded, None, fit, where, digest.hexdigest())
     kept = str(keep_chuck(data, calibration, loaded)) if options.keep else None
+    warnings = tell([Problem(code="jaws.assumed_plain", where=where)] if assumed else (), text)
     heights = f"{fit.lowest_mm:g} … {fit.highest_mm:g} mm"
     rows = [(text("calibrate.straight"), f"{fit.fraction:.3f}", f"± {fit.sd:.2g}")]
     if fit.sections > 2:
@@ -99,7 +107,7 @@ def calibrate_jaws(options: Namespace, text: Catalogue) -> int:
     head = text("calibrate.jaws_head", machine=loaded.machine.name, count=fit.sections, heights=heights)
     show(
         options,
-        lambda: {**asdict(calibration), "kept": kept},
+        lambda: {**asdict(calibration), "kept": kept, "warnings": warnings},
         lambda: [head, *table(rows, numeric=(1,)), *_end(profile_values(fit), None, kept, text)],
     )
     return 0

@@ -39,6 +39,7 @@ from profiles.compensations.learned_compensation import (
 from profiles.compensations.next_version import Contraction, LearningStep
 from profiles.files import printable
 from profiles.forecast import LEAST_FORECAST_UM, forecast_um, is_below_forecast
+from profiles.metrology.cylindricity import cylinder_event
 from profiles.problem import Problem
 from profiles.store import LoadedJob
 
@@ -76,7 +77,7 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
     kept = store(data, following) if options.keep and not reasons else None
     if kept is not None:
         warnings += tell(_record_learning_step(data, content, following), text)
-    asked, form = options.keep or bool(reasons), {} if filed.whole is None else filed.whole.event()
+    asked, form = options.keep or bool(reasons), cylinder_event(filed.whole)
     show(
         options,
         lambda: {
@@ -88,7 +89,7 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
         },
         lambda: [
             at_height(filed.section_z_mm, text),
-            *([f"{text('run.whole')}: {form_words(form, text)}"] if form else []),
+            *([f"{text('run.whole')}: {form_words(form, text)}"] if filed.whole else []),
             *_step_lines(found, text, fails=_fails(found, job)),
             *_kept_lines(following, kept, asked, options, text),
         ],
@@ -217,7 +218,7 @@ def _step_lines(found: LearningOutcome, text: Catalogue, *, fails: bool) -> list
     if step.placed:
         lines += [*table(rows, numeric=(1, 2)), *_below_forecast(step.expected_ront_um, text)]
         lines += ["", *table(_facts(step, text))]
-        lines += ["", *certificate_lines(step.certificate, text)]
+        lines += ["", *certificate_lines(step.certificate, step.next.path.target.lobes, text)]
     else:
         lines += table([(name, measured, unit) for name, measured, _, unit in rows], numeric=(1,))
     causes = [f"  {cause_words(cause, text)}" for cause in found.causes]

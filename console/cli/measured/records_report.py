@@ -31,6 +31,7 @@ from console.text.recorded_words import (
 )
 from profiles.axis.response import ResponseSource
 from profiles.files import printable
+from profiles.metrology.cylindricity import cylinder_event
 from profiles.metrology.unrolled import PROFILES
 from profiles.strict_values import number_or_none
 
@@ -82,7 +83,8 @@ def row_lines(row: RunRow, text: Catalogue, lathe: str = "") -> list[str]:
     sim = [text("sim")] if row.simulated else []
     head = "  ".join([row.run_id[:ID_DIGITS], local(row.started), *sim, row.job])
     ended = ending_words(row.ended, text, Layout.COMMAND)
-    facts = [_result(row, text), _over_length(row, text), ended, row.machine, strategy_words(row.strategy, text)]
+    cylt = "" if row.cylt_um is None else f"CYLt {row.cylt_um:.2f} um"
+    facts = [_result(row, text), cylt, ended, row.machine, strategy_words(row.strategy, text)]
     stage = stage_words(row.strategy, row.stage, text)
     facts += [each for each in (stage, _compensation(row, text), row.operator or "") if each]
     if lathe:
@@ -94,25 +96,16 @@ def row_lines(row: RunRow, text: Catalogue, lathe: str = "") -> list[str]:
 
 
 def _result(row: RunRow, text: Catalogue) -> str:
-    if row.ront_um is None:
+    """Return RONt of the least round section, where that is, and the verdict of the part."""
+    if row.least_round_um is None:
         return text("records.not_measured") if row.cylt_um is None else text("records.no_roundness")
-    result = f"RONt {row.ront_um:.2f} um"
+    result = f"RONt {row.least_round_um:.2f} um{place_words(row.worst_z_mm, text)}"
     if row.tolerance_um is None:
         return result
     unjudged = "records.not_judged" if row.proven else "records.not_proven"
-    failed = "records.failed" if row.ront_um > row.tolerance_um else "records.failed_elsewhere"
+    failed = "records.failed" if row.least_round_um > row.tolerance_um else "records.failed_elsewhere"
     verdict = {True: "records.passed", False: failed, None: unjudged}[row.passed]
     return text(verdict, result=result, limit=f"{row.tolerance_um:g}")
-
-
-def _over_length(row: RunRow, text: Catalogue) -> str:
-    """Return CYLt of a part, and RONt of its least round section; "" if it was not measured over its length."""
-    if row.cylt_um is None:
-        return ""
-    cylt = f"CYLt {row.cylt_um:.2f} um"
-    if row.worst_ront_um is None:
-        return cylt
-    return text("records.worst", cylt=cylt, ront=f"{row.worst_ront_um:.2f}", at=place_words(row.worst_z_mm, text))
 
 
 def _compensation(row: RunRow, text: Catalogue) -> str:
@@ -132,7 +125,7 @@ def row_fields(row: RunRow) -> dict[str, object]:
         "ended": asdict(row.ended),
         **fields_of(row, *FIGURES, "failed", "proven", "damaged"),
         "CYLt_um": row.cylt_um,
-        "worst_RONt_um": row.worst_ront_um,
+        "worst_RONt_um": row.least_round_um,
         "worst_z_mm": row.worst_z_mm,
     }
 
@@ -204,7 +197,7 @@ def _part_fields(part: RecordedPart) -> dict[str, object]:
         **fields_of(part, "number", "part", "product", *FIGURES, "lobe_um_pp"),
         **fields_of(part, "trace_name", "trace_sha256"),
         "trace_bytes": None if part.trace is None else len(part.trace),
-        "result": {key: value for key, value in part.data.items() if key != PROFILES},
+        "result": cylinder_event(None) | {key: value for key, value in part.data.items() if key != PROFILES},
     }
 
 

@@ -22,7 +22,7 @@ from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
-    from profiles.metrology.conformity import JudgedFigure
+    from profiles.metrology.conformity import JudgedFigure, SectionForm
     from profiles.metrology.cylindricity import CylinderResult, PartSection
     from profiles.metrology.profile_filters import FilterKind
     from profiles.metrology.separation import Placement
@@ -84,8 +84,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.text.part_sentences import at_height, judged_fields, section_words
     from profiles.files import printable
     from profiles.metrology.conformity import passes_all
-    from profiles.metrology.cylindricity import LEAST_SECTIONS, PartSection
-    from profiles.problem import refusal_error
+    from profiles.metrology.cylindricity import PartSection, few_sections
+    from profiles.problem import ProfileError
     from profiles.trace_files.sections import SurfacePoints, read_surface
 
     if options.fail_out_of_tolerance and options.job is None:
@@ -107,9 +107,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         return _whole(options, sections, text, told)
     if options.filter_along is not None:
         with naming(printable(options.file)):
-            raise refusal_error(
-                "trace.few_sections", key="--filter-along", value="1", limit=f">= {LEAST_SECTIONS}"
-            )
+            raise ProfileError(few_sections(1, "--filter-along"))
     measured = evaluate_trace_file(options, sections[0].trace)
     warnings = [*told, *tell(measured.result.warnings, text)]
     if options.vblock is not None:
@@ -120,7 +118,8 @@ def main(options: Namespace, text: Catalogue) -> int:
         fields, lines = trace_fields(measured), roundness_lines(measured, text)
     more = {"meta": dict(measured.trace.meta), "warnings": warnings}
     z_mm, result = sections[0].z_mm, measured.result
-    fields, lines = {**fields, "z_mm": z_mm}, [at_height(z_mm, text), *lines]
+    fields, lines = {**fields, "z_mm": z_mm, "CYLt_um": None}, [at_height(z_mm, text), *lines]
+    lines += [] if options.vblock is not None else ["", f"CYLt -: {text.problem(few_sections(1))}"]
     place = PartSection(
         z_mm=z_mm or 0.0, angle_deg=measured.turn.angle_deg, deviation_um=measured.turn.deviation_um
     )
@@ -151,7 +150,7 @@ def _whole(
     from console.text.part_sentences import judged_fields
     from profiles.files import printable
     from profiles.metrology.conformity import passes_all
-    from profiles.metrology.cylindricity import LEAST_SQUARES, coarse_points, part_section
+    from profiles.metrology.cylindricity import LEAST_SECTIONS, LEAST_SQUARES, coarse_points, part_section
     from profiles.problem import ProfileError
     from profiles.trace_files.header import header_of
     from profiles.trace_files.sections import SurfacePoints, no_sections
@@ -167,6 +166,8 @@ def _whole(
             doubts = (*doubts, *_doubts(options, found, header))
             found = _on_part(options, found, header)
             header = replace(header, z_from=None)  # they count from the jaw faces now
+            if len(found) < LEAST_SECTIONS:
+                return _few(options, found, header, [*told, *tell(doubts, text)], text)
         elif options.job is not None and (coarse := coarse_points(found, job_of(options).job.jaws)):
             raise ProfileError(*coarse)
         whole = _evaluate(options, found)
@@ -187,6 +188,33 @@ def _whole(
     if options.fail_out_of_tolerance and isinstance(found, SurfacePoints):  # its roundness is not known
         raise ProfileError(no_sections(found, where))
     return 0
+
+
+def _few(
+    options: Namespace, found: Sequence[TraceSection], header: TraceHeader, warnings: list[str], text: Catalogue
+) -> int:
+    """Print the roundness of sections that are too few for a form over the length, and say so."""
+    from console.cli.measured.roundness_report import budget_lines, judged_rows, section_table
+    from console.cli.output import show, tell
+    from console.session.cut.recording import budget_event
+    from console.text.columns import table
+    from console.text.part_sentences import judged_fields
+    from profiles.metrology.conformity import passes_all
+    from profiles.metrology.cylindricity import few_sections, filtered_section, part_section, section_form
+    from profiles.problem import ProfileError
+
+    if options.filter_along is not None:
+        raise ProfileError(few_sections(len(found), "--filter-along"))
+    warnings += tell([few_sections(len(found))], text)
+    sections, meta = [part_section(each) for each in found], found[0].trace.meta
+    forms = [section_form(filtered_section(each, *options.filter)) for each in sections]
+    budget, first = _budget(options, sections, meta, header, None), forms[0]
+    judged = _judged(options, budget, header, first.z_mm, first.ront_um, first.mean_um, sections=forms)
+    fields = {"files": [options.file, *options.others], "CYLt_um": None, **judged_fields(judged)}
+    fields |= {"sections": [each.fields() for each in forms], "warnings": warnings, **budget_event(budget)}
+    said = ["", *table(judged_rows(judged, text))] if judged else []
+    show(options, lambda: fields, lambda: [*budget_lines(budget, text), *section_table(forms, text), *said])
+    return OUT_OF_TOLERANCE if options.fail_out_of_tolerance and passes_all(judged) is False else 0
 
 
 def _doubts(options: Namespace, found: Sequence[TraceSection], header: TraceHeader) -> list[Problem]:
@@ -271,8 +299,11 @@ def _judged(
     mean_um: float,
     whole: CylinderResult | None = None,
     heights: Sequence[float] = (),
+    sections: Sequence[SectionForm] = (),
 ) -> tuple[JudgedFigure, ...]:
     """Return the figures of a part against the limits of its job, none without a job; `heights` are its own.
+
+    `sections` are those of a part that has too few for a form over its length.
 
     Raises ProfileError: `trace.off_cut`, a section lies off the cut; heights count from the jaw faces, if the
     header says nothing else.
@@ -287,13 +318,13 @@ def _judged(
     if options.job is None:
         return ()
     job, off_um = job_of(options).job, None
-    if whole is not None:
+    if heights := heights or [each.z_mm for each in sections]:
         counted = replace(header, z_from=header.z_from or Z_FROM[0])
         if outside := place_heights(heights, counted, job)[1]:
             raise ProfileError(*outside)
     if header.radius_mm is not None and header.size != "relative":
         off_um = 2000.0 * (header.radius_mm - job.finished_radius_mm) + 2.0 * mean_um
-    sections, cylt_um = ((), None) if whole is None else (whole.sections, whole.cylt_um)
+    sections, cylt_um = (sections, None) if whole is None else (whole.sections, whole.cylt_um)
     if heights and heights[-1] - heights[0] < LEAST_SPAN * job.cut_length_mm:
         cylt_um = None  # a sliver says nothing about the length
     return judge_part(

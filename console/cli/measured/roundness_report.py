@@ -20,7 +20,7 @@ from console.text.part_sentences import (
     states_index,
 )
 from profiles.metrology.circles import ReferenceCircle
-from profiles.metrology.conformity import JudgedFigure, passes_all
+from profiles.metrology.conformity import JudgedFigure, SectionForm, passes_all
 from profiles.metrology.cylindricity import CylinderResult
 from profiles.metrology.harmonics import usable_factor
 from profiles.metrology.length_causes import causes_of_failure
@@ -99,8 +99,6 @@ def form_lines(
     whole: CylinderResult, meta: Mapping[str, str], judged: Sequence[JudgedFigure], text: Catalogue
 ) -> list[str]:
     """Return the sections, the reference cylinders, taper, straightnesses and the verdict in words."""
-    sections = [("Z", "RONt", text("roundness.mean"), "")]
-    sections += [(f"{s.z_mm:.3f} mm", f"{s.ront_um:.3f}", f"{s.mean_um:+.3f}", "um") for s in whole.sections]
     cylinders: list[tuple[str, ...]] = [("", "CYLt", "CYLp", "CYLv", "CYLq", "")]
     for each in whole.cylinders:
         found = (each.cylt_um, each.cylp_um, each.cylv_um, each.cylq_um)
@@ -111,13 +109,20 @@ def form_lines(
     return [
         *extraction_words(whole, meta, text),
         "",
-        *([*table(sections, numeric=(1, 2)), ""] if whole.sections else ()),
+        *([*section_table(whole.sections, text), ""] if whole.sections else ()),
         *table(cylinders, numeric=(1, 2, 3, 4)),
         "",
         *table(lines, numeric=(1,)),
         *cause_rows(whole, judged, text),
         *(["", *table(judged_rows(judged, text))] if judged else ()),
     ]
+
+
+def section_table(sections: Sequence[SectionForm], text: Catalogue) -> list[str]:
+    """Return RONt and mean deviation of each section as a table."""
+    rows = [("Z", "RONt", text("roundness.mean"), "")]
+    rows += [(f"{s.z_mm:.3f} mm", f"{s.ront_um:.3f}", f"{s.mean_um:+.3f}", "um") for s in sections]
+    return table(rows, numeric=(1, 2))
 
 
 def judged_rows(figures: Sequence[JudgedFigure], text: Catalogue) -> list[tuple[str, str]]:

@@ -25,7 +25,7 @@ from drivers.lathe.snapshot import Snapshot
 from profiles.job import Job
 from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
-from profiles.metrology.cylindricity import CylinderResult, PartSection
+from profiles.metrology.cylindricity import CylinderResult, PartSection, cylinder_event
 from profiles.metrology.turns import mean_diameter_mm
 from profiles.metrology.uncertainty import UncertaintyBudget
 from profiles.metrology.unrolled import unroll
@@ -121,7 +121,8 @@ class LogRecorder(CutRecorder):
 
 def form_event(whole: CylinderResult | None, sections: Sequence[PartSection]) -> dict[str, object]:
     """Return the form of a part over its length for the record, and its sections as they are drawn."""
-    return {} if whole is None else {**whole.event(), **unroll(sections, whole.filter_upr).event()}
+    drawn = {} if whole is None else unroll(sections, whole.filter_upr).event()
+    return {**cylinder_event(whole), **drawn}
 
 
 def budget_event(budget: UncertaintyBudget | None) -> dict[str, object]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from console.session.data.history import form_of
 from console.session.data.kept_files import ahead_problems
 from console.session.data.learned_store import NONE
 from console.session.data.run_rows import NOT_PROVEN
@@ -365,6 +366,13 @@ class RecordedPart:
         except (TypeError, ValueError, KeyError):
             return ()
         return tuple(SectionForm(z_mm=z_mm, ront_um=ront_um, mean_um=mean_um) for z_mm, ront_um, mean_um in read)
+
+    @property
+    def worst(self) -> tuple[float | None, float | None]:
+        """RONt of its least round section, and its Z; of the only one without Z."""
+        form = form_of(self.data)
+        known = form["worst_ront_um"] is not None
+        return (form["worst_ront_um"], form["worst_z_mm"]) if known else (self.ront_um, None)
 
     @property
     def length_causes(self) -> tuple[LengthCause, ...]:

@@ -27,11 +27,13 @@ from console.session.data.record_file import (
 from console.session.data.run_rows import (
     COMPLETE,
     FAILED,
+    FORM,
     MODEL,
     RunRow,
     date_of,
     inverted_of,
     rows_where,
+    table_of,
 )
 from console.session.data.run_story import RunStory, story_of
 from console.session.errors import SessionError
@@ -119,7 +121,7 @@ def story(folder: Path, run_id_prefix: str) -> RunStory:
 
 
 _MEASURED = f"""
-SELECT measurements.run_id, measurements.at_utc, strategy, stage, compensation, setup, runs.tolerance_um,
+SELECT measurements.run_id, measurements.at_utc, strategy, stage, compensation, setup, runs.tolerance_um, {FORM},
     {", ".join(f"measurements.{name}" for name in PART_COLUMNS)}
 FROM runs JOIN measurements ON measurements.run_id = runs.run_id
 WHERE product = 1 AND ront_um IS NOT NULL AND job = ? AND machine = ? AND simulated = ?
@@ -146,7 +148,7 @@ def measured_parts(
 
 
 def _point(found: Sequence[Any]) -> RecordedPart:
-    run_id, at_utc, strategy, stage, version, setup, of_run, *columns = found
+    run_id, at_utc, strategy, stage, version, setup, of_run, form, *columns = found
     values = column_values(columns)
     if values["tolerance_um"] is None:
         values["tolerance_um"] = of_run
@@ -157,6 +159,7 @@ def _point(found: Sequence[Any]) -> RecordedPart:
         stage=stage,
         compensation=None if stage is None else MODEL if version is None else str(version),
         inverted=inverted_of(setup),
+        data=table_of(form or ""),
         **values,
     )
 
@@ -171,6 +174,17 @@ def run_of_trace(folder: Path, trace_sha256: str, other_than: str | None = None)
     )
     with _reading(folder) as database:
         found = None if database is None else database.execute(query, (trace_sha256, other_than)).fetchone()
+    return None if found is None else str(found[0])
+
+
+def strategy_of_trace(folder: Path, trace_sha256: str) -> str | None:
+    """Return how the newest part with this trace was cut, "none" for a plain one; None without one; as `runs`."""
+    query = """
+    SELECT iif(product, strategy, 'none') FROM measurements JOIN runs USING (run_id) WHERE trace_sha256 = ?
+    ORDER BY measurements.rowid DESC LIMIT 1
+    """
+    with _reading(folder) as database:
+        found = None if database is None else database.execute(query, (trace_sha256,)).fetchone()
     return None if found is None else str(found[0])
 
 

@@ -168,14 +168,15 @@ def _ends(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, lis
 _FIGURES = ("ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm", "diameter_tolerance_um")
 
 
-_FORM = """CASE WHEN json_valid(data) THEN json_object(
+FORM = """CASE WHEN json_valid(data) THEN json_object(
     'CYLt_um', json_extract(data, '$.CYLt_um'), 'sections', json_extract(data, '$.sections')) END"""
+"""What `form_of` reads, of the data of a measurement."""
 
 
 def _parts(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return the newest measurement of each run's product: its figures by their names."""
     query = (
-        f"SELECT run_id, {_FORM}, {', '.join(_FIGURES)} FROM measurements"
+        f"SELECT run_id, {FORM}, {', '.join(_FIGURES)} FROM measurements"
         f" WHERE product = 1 AND run_id IN ({_marks(run_ids)}) ORDER BY run_id, number"
     )
     found = database.execute(query, tuple(run_ids))

@@ -31,6 +31,7 @@ from profiles.metrology.cylindricity import (
     CylinderResult,
     coarse_points,
     evaluate_points,
+    few_sections,
     part_section,
 )
 from profiles.metrology.harmonics import Harmonic
@@ -368,8 +369,7 @@ def _results_of(
     warnings = tuple(replace(each, where=f"Z {z:g} mm") for z, result in others for each in result.warnings)
     heights = [z for z, _ in turns if z is not None]
     if others and len(heights) < LEAST_SECTIONS:
-        value, limit = str(len(turns)), f">= {LEAST_SECTIONS}"
-        warnings += (Problem(code="trace.few_sections", key=HEIGHT, value=value, limit=limit),)
+        warnings += (few_sections(len(turns)),)
     elif others:
         warnings += _too_short(float(np.ptp(heights)), job)
     return results, warnings

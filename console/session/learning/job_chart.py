@@ -120,7 +120,7 @@ def job_chart(parts: tuple[RecordedPart, ...], figure: ChartedQuantity, *, judge
 
 
 def _value_um(point: RecordedPart, figure: ChartedQuantity) -> float | None:
-    return point.ront_um if figure is ChartedQuantity.RONT else point.off_nominal_um
+    return point.worst[0] if figure is ChartedQuantity.RONT else point.off_nominal_um
 
 
 def _begins(points: Sequence[RecordedPart]) -> int:

@@ -57,6 +57,7 @@ from profiles.compensations.path import CutPath
 from profiles.compensations.push import NO_PUSH, Push
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
+from profiles.metrology.cylindricity import CylinderResult
 from profiles.problem import Problem, ProblemError
 from profiles.roundness import RoundnessResult
 from profiles.trace_files.sections import TraceSection
@@ -93,7 +94,7 @@ def learn(
     refuse_unlearnable(plan, measured=True)
     how = how or HOW
     learner = _Learner(plan, open_machine(), tell, replace(how, fingerprint=fingerprint or how.fingerprint))
-    before, floor = learner.reference(), learner.floor()
+    before, (floor, floor_whole) = learner.reference(), learner.floor()
     learner.in_air()
     made: list[LearnedPart] = []
     ended: tuple[Problem, ...] = ()
@@ -115,6 +116,7 @@ def learn(
         whole=made[-1].whole,
         budget=made[-1].budget,
         floor=floor,
+        floor_whole=floor_whole,
         parts=tuple(made),
         ended=ended,
     )
@@ -198,13 +200,14 @@ class _Learner:
 
     def reference(self) -> RoundnessResult:
         """Cut a part without compensation; a gauge that cannot measure it is refused now and not later."""
-        trace = self._cut_uncompensated(self._job, "before")
+        trace = self._trace_part(self._cut_uncompensated(self._job, "before"))
         self._teaching(trace)
         return roundness_of(trace)
 
-    def floor(self) -> RoundnessResult:
-        """Cut a part without a lobe and without compensation: the remaining error is the machine's own."""
-        return roundness_of(self._cut_uncompensated(replace(self._job, lobe_error_um_pp=0.0), "floor"))
+    def floor(self) -> tuple[RoundnessResult, CylinderResult | None]:
+        """Cut a part without a lobe and without compensation: what is left is the machine's own."""
+        outcome = self._cut_uncompensated(replace(self._job, lobe_error_um_pp=0.0), "floor")
+        return roundness_of(self._trace_part(outcome)), outcome.whole
 
     def _teaching(self, trace: Trace) -> PartHarmonics:
         """Return the harmonics of a part, or refuse it by the rule that `console learn` and the screen share."""
@@ -212,9 +215,8 @@ class _Learner:
         refuse(part.reasons)
         return part
 
-    def _cut_uncompensated(self, job: Job, name: str) -> Trace:
-        plan = self._plan_part(job, UNCOMPENSATED, Stage.FULL, None)
-        return self._trace_part(self._cut_part(job, plan, name))
+    def _cut_uncompensated(self, job: Job, name: str) -> CutOutcome:
+        return self._cut_part(job, self._plan_part(job, UNCOMPENSATED, Stage.FULL, None), name)
 
     def _trace_part(self, outcome: CutOutcome) -> Trace:
         if outcome.trace is None:

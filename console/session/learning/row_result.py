@@ -65,13 +65,15 @@ class LearnedPart:
 class LearnResult(RunResult):
     """A run of several parts, whose last is that of `after`; `floor` is a part without a lobe.
 
-    `ended` is why the path of a further part was refused, and the series ended before it.
+    `floor_whole` is the form of that over its length. `ended` is why the path of a further part was refused, and
+    the series ended before it.
     """
 
     before: RoundnessResult
     floor: RoundnessResult
     parts: tuple[LearnedPart, ...]
     ended: tuple[Problem, ...] = ()
+    floor_whole: CylinderResult | None = None
 
     @property
     def own_orders(self) -> tuple[CertifiedOrder, ...]:

@@ -40,7 +40,7 @@ from profiles.files import printable
 from profiles.gauge import GaugeProfile
 from profiles.job import Job
 from profiles.lobe.cut_error import middle_mm
-from profiles.metrology.cylindricity import LEAST_SQUARES, CylinderResult, part_section
+from profiles.metrology.cylindricity import LEAST_SQUARES, CylinderResult, cylinder_event, part_section
 from profiles.metrology.separation import GaugeError, Placement, separate
 from profiles.metrology.turns import mean_diameter_mm
 from profiles.metrology.uncertainty import UncertaintyBudget, points_budget
@@ -371,8 +371,8 @@ def _event(part: MeasuredPart) -> dict[str, object]:
 
 
 def _form_figures(whole: CylinderResult | None) -> dict[str, object]:
-    """Return CYLt and the sections of a part, as the list of the jobs needs them; nothing of a single one."""
-    return {} if whole is None else {key: whole.event()[key] for key in ("CYLt_um", "sections")}
+    """Return CYLt and the sections of a part, as the list of the jobs needs them."""
+    return {key: cylinder_event(whole)[key] for key in ("CYLt_um", "sections")}
 
 
 def _part_to_record(

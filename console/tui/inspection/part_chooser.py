@@ -146,7 +146,7 @@ class PartChooser(Sheet):
         for place, point in enumerate(found, start=1):
             name = f"{local(point.at)}  {printable(point_words(point, text), 40)}  {printable(point.part, 12)}"
             mark = {True: "✓", False: "✗", None: "·"}[None if point.tolerance_um is None else point.is_round]
-            rows.append(self._row(place, line(name), line(f" {ront_words(point.ront_um, text)} {mark}"), width))
+            rows.append(self._row(place, line(name), line(f" {ront_words(point.worst[0], text)} {mark}"), width))
         return rows
 
     def _row(self, place: int, left: Line, right: Line, width: int) -> Line:

@@ -43,7 +43,7 @@ from console.tui.ui_context import KEYS, UiContext, View
 from profiles.calibration.lobe import FoundLobe
 from profiles.calibration.plausible import LARGE_STEP
 from profiles.files import printable
-from profiles.metrology.cylindricity import LEAST_SECTIONS
+from profiles.metrology.cylindricity import few_sections
 from profiles.problem import Problem, ProfileError
 from profiles.traces import Trace
 
@@ -380,8 +380,7 @@ class InspectPage(ChartPage):
         if action in ZOOMS and abs(self._zoom + ZOOMS[action]) > MOST_ZOOM:
             return (Problem(code="screen.zoom_end"),)
         if action == "inspect.length" and part is not None and part.whole is None:
-            value, limit = str(max(len(part.sections), 1)), f">= {LEAST_SECTIONS}"
-            return (Problem(code="trace.few_sections", key="z_mm", value=value, limit=limit),)
+            return (few_sections(max(len(part.sections), 1)),)
         if action == "inspect.filter" and part is not None:
             if self._next_filter(part) == self._looked:
                 return (Problem(code="screen.one_filter", value=str(part.trace.angle_deg.size)),)

@@ -134,7 +134,8 @@ def certified_lines(learning: PartLearning, text: Catalogue, width: int) -> list
     """Return the certificate of every order, below a free line; nothing where nothing is learned from the part."""
     if learning.taught is None:
         return []
-    title, *rows = certificate_lines(learning.taught.step.certificate, text) or [""]
+    step = learning.taught.step
+    title, *rows = certificate_lines(step.certificate, step.next.path.target.lobes, text) or [""]
     return [BLANK, *wrap_line(title, width, Token.STRONG), *(line((row, Token.TEXT)) for row in rows)]
 
 

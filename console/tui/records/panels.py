@@ -160,8 +160,11 @@ def _values(run: OpenedRun, text: Catalogue) -> dict[str, str]:
     row, part, job, units = run.story.row, run.story.product, run.job, text.units
     values = {units.unit("um"): local(row.started)[5:], text("fact.job"): printable(row.job)}
     if part is not None:
-        ront = NOTHING if part.ront_um is None else units.figure(part.ront_um, "um", 2)
+        worst_um, z_mm = part.worst
+        ront = NOTHING if worst_um is None else units.figure(worst_um, "um", 2)
         values["RONt"] = f"{ront} {_MARKS[part.passed]}"
+        if z_mm is not None:
+            values[f"RONt: Z {units.unit('mm')}"] = units.figure(z_mm, "mm", 1)
         for name in ("RONp", "RONv", "RONq"):
             values[name] = _format_number(part.data.get(f"{name}_um"), lambda value: units.figure(value, "um", 2))
         if part.diameter_mm is not None:
