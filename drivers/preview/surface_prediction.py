@@ -36,7 +36,6 @@ from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
 
 SECTIONS = 13
-REACH = 0.45  # of the cut, to both sides of its middle: nearer to an edge the land covers a place in part
 POINTS = 240  # of a turn
 LEAD_TURNS = 1  # in which what the servo did before has died away
 
@@ -80,7 +79,9 @@ def with_lobe(surface: SurfacePrediction, instead: LobedPath, job: Job) -> Surfa
 def _predict_surface(
     job: Job, machine: MachineProfile, plan: CutPlan, response: ServoResponse | None, turns: PlannedTurns
 ) -> SurfacePrediction:
-    past_mm = job.cut_length_mm * np.linspace(REACH, -REACH, SECTIONS)
+    # From end to end, but for the half land at the edges that the tool covers in part.
+    reach_mm = 0.5 * (job.cut_length_mm - max(plan.setup.land_turns, 1.0) * job.feed_mm_per_rev)
+    past_mm = np.linspace(reach_mm, -reach_mm, SECTIONS)
     z_mm = middle_mm(job) - past_mm
     setup = plan.setup
     angle_deg, path_um = _cut_by_sections(job, machine, plan, response, turns, past_mm)

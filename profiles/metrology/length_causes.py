@@ -47,6 +47,7 @@ class LengthCauseKind(StrEnum):
     LOBE = "lobe"
     ENTRY = "entry"
     BENT = "bent"
+    MARK = "mark"  # of a stop, in the section at `first_mm`: known by the console alone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

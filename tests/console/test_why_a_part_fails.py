@@ -8,13 +8,15 @@ import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from console.__main__ import main
 from console.session.data.measured_part import RecordedPart
+from console.session.guide.measured_part import causes_along
 from console.session.guide.refusals import find_refusals
 from console.session.guide.situation import Situation
 from console.session.learning.evaluated_part import evaluate_part, read_gauge_file
@@ -31,6 +33,7 @@ from console.session.station.commands import (
 )
 from console.session.station.state import MeasuredPart, StationState
 from console.text.catalogue import load
+from console.text.part_sentences import length_cause_words
 from console.tui.inspection.comparison import compare_parts
 from console.tui.lines import plain_text
 from console.tui.pages.inspect_lines import phase_from_jaw_deg, result_lines
@@ -39,6 +42,9 @@ from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import AxisName
 from profiles.calibration.lobe import find_lobe
 from profiles.compensations.causes import Cause, CauseKind
+from profiles.metrology.conformity import Tolerances, judge_part
+from profiles.metrology.cylindricity import PartSection, evaluate_cylinder
+from profiles.metrology.length_causes import LengthCause, LengthCauseKind
 from profiles.store import LoadedJob, load_job, load_machine
 from profiles.traces import read_trace
 from tests.console.commands import Console, JobFile
@@ -363,3 +369,34 @@ def test_the_report_counts_from_jaw_1_of_the_part_as_records_does(tmp_path: Path
     found = [each.past_jaw_1_deg(printed.jaw_1_deg or 0.0) for each in printed.result.harmonics if each.n == 3]
     on_spindle = [each.past_jaw_1_deg(261.65) for each in shown.result.harmonics if each.n == 3]
     assert found == pytest.approx(on_spindle, abs=1e-6)
+
+
+def test_a_section_in_the_mark_of_a_stop_fails_by_that_and_not_by_its_lobe() -> None:
+    """Only the section 3.6 mm from the free end of 30 mm is not round: the mark, at 3.5 or 3.9 mm, is as far."""
+    sections = (26.4, 27.2, 28.0, 28.8, 29.6)
+    angle = np.arange(0.0, 360.0)
+    whole = evaluate_cylinder(
+        [
+            PartSection(
+                z_mm=z, angle_deg=angle, deviation_um=(27.5 if z == 26.4 else 0.1) * np.cos(angle * np.pi / 60)
+            )
+            for z in sections
+        ]
+    )
+    judged = judge_part(
+        Tolerances(roundness_um=5.0), ront_um=0.2, mean_um=0.0, off_um=None, sections=whole.sections
+    )
+    job = load_job("lee-2001-experiment-1").job
+
+    def causes(*marks_mm: float) -> tuple[LengthCause, ...]:
+        part = SimpleNamespace(whole=whole, judged=judged, job=job, marks_mm=marks_mm)
+        return causes_along(cast(MeasuredPart, part))
+
+    for marks_mm in ((3.5,), (0.4, 3.9)):
+        (cause,) = causes(*marks_mm)
+        assert (cause.kind, cause.first_mm) == (LengthCauseKind.MARK, 26.4)
+        assert "Z 26.4" in length_cause_words(cause, load("ko")) and "(F4)" in length_cause_words(
+            cause, load("en")
+        )
+    for marks_mm in ((), (2.8,)):
+        assert LengthCauseKind.LOBE in {each.kind for each in causes(*marks_mm)}

@@ -168,7 +168,7 @@ async def test_every_strategy_with_what_it_leaves_is_on_the_page(room: tuple[int
             await pilot.pause()
             rows = grid(app).split("\n")
             assert all(cell_len(row) <= room[0] for row in rows) and len(rows) <= room[1]
-            for name, left in (("pvt", "2.0 um"), ("paper", "37.9 um"), ("none", "66.3 um")):
+            for name, left in (("pvt", "2.0 um"), ("paper", "38.5 um"), ("none", "67.0 um")):
                 row = next(row for row in rows if f" {name} " in row and left in row)
                 assert ("▸" in row) == (name == strategy)
 
@@ -203,12 +203,12 @@ def test_jaw_1_is_said_to_be_found_when_the_alignment_found_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("language", "said"), [("en", "worst section Z 22.4 mm: "), ("ko", "최악 단면 Z 22.4 mm: ")]
+    ("language", "said"), [("en", "worst section Z 22.2 mm: "), ("ko", "최악 단면 Z 22.2 mm: ")]
 )
 def test_the_worst_section_is_named_beside_the_polar_plot(language: str, said: str) -> None:
     """What one amplitude leaves is largest at the jaws' side; below 2 um nothing is forecast."""
     assert f"{said}2.0 um" in shown(previewed("pvt"), language=language)
-    assert f"{said}37.9 um" in shown(previewed("paper"), language=language)
+    assert f"{said}38.5 um" in shown(previewed("paper"), language=language)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -218,13 +218,13 @@ def test_m_shows_the_map_in_place_of_path_and_margins_and_a_wide_page_has_all(la
     path, needs = (text(f"preview_page.{each}") for each in ("path", "margins"))
     for acts, there, gone in (
         ((), (path, needs), title),
-        (("preview.map",), (title, "22.4▸", "▓/=  10 um/div"), path),
+        (("preview.map",), (title, "22.2▸", "▓/=  10 um/div"), path),
     ):
         seen_now = shown(previewed("paper"), language=language, acts=acts)
         assert all(words in seen_now for words in there) and gone not in seen_now
     assert path in shown(previewed("paper"), language=language, acts=("preview.map", "preview.map"))
     whole = shown(previewed("paper"), (160, 42), language)
-    assert all(words in whole for words in (title, "22.4▸", path, needs))
+    assert all(words in whole for words in (title, "22.2▸", path, needs))
 
 
 def test_until_its_program_exists_and_without_a_lobe_no_section_is_named() -> None:
@@ -318,7 +318,7 @@ async def test_the_charts_come_with_the_preview_c_steps_through_the_strategies_a
         for size in ((1, 1), (2, 2), (60, 3), (60, 12), (200, 60), (80, 18)):
             await pilot.resize_terminal(*size)
             await pilot.pause()
-        assert "37.9 um" in grid(app)
+        assert "38.5 um" in grid(app)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

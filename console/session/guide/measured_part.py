@@ -12,10 +12,11 @@ from console.session.work import Work
 from drivers.cutting.strategy import Strategy
 from profiles.compensations.causes import CauseKind
 from profiles.metrology.conformity import ToleranceKind, passes_all
-from profiles.metrology.length_causes import LengthCause, causes_of_failure
+from profiles.metrology.length_causes import LengthCause, LengthCauseKind, causes_of_failure
 from profiles.problem import Problem
 
 ELSEWHERE = "learned.lobe_elsewhere"
+MARK_REACH_MM = 0.35  # to either side of a mark: half a land of 0.4 mm, and some way of the carriage. A choice.
 
 
 def fails(part: MeasuredPart) -> bool:
@@ -25,8 +26,18 @@ def fails(part: MeasuredPart) -> bool:
 
 
 def causes_along(part: MeasuredPart) -> tuple[LengthCause, ...]:
-    """Return why its sections differ; of a part that fails, what explains that. Nothing of a single section."""
-    return () if part.whole is None else causes_of_failure(part.whole.causes, part.judged)
+    """Return why its sections differ; of a part that fails, what explains that: a stop in that section alone.
+
+    Nothing of a single section.
+    """
+    if part.whole is None:
+        return ()
+    failed = ((each.z_mm, each.value_um) for each in part.judged if each.passes is False)
+    marks_mm = [part.job.overhang_mm - mark_mm for mark_mm in part.marks_mm]
+    for z_mm, value_um in failed:
+        if z_mm is not None and any(abs(z_mm - mark_mm) <= MARK_REACH_MM for mark_mm in marks_mm):
+            return (LengthCause(kind=LengthCauseKind.MARK, um_pp=abs(value_um or 0.0), first_mm=z_mm),)
+    return causes_of_failure(part.whole.causes, part.judged)
 
 
 def is_elsewhere(taught: LearningOutcome) -> bool:
