@@ -256,7 +256,7 @@ def coarse_points(surface: SurfacePoints, lobes: int) -> tuple[Problem, ...]:
     """Return why points that are no sections do not show a part with so many lobes; nothing where they do.
 
     Six generatrices may all be on nodes of three lobes. With seven to a lobe, and seven turns of a helix, CYLt of
-    three lobes is at most about 5 % too small (computed).
+    three lobes is at most about 5 % too small (computed). Scattered points have seven to a lobe in each third.
     """
     code, count, least = "trace.few_turns", 0, POINTS_PER_UNDULATION
     if surface.strategy == BIRD_CAGE:
@@ -265,7 +265,8 @@ def coarse_points(surface: SurfacePoints, lobes: int) -> tuple[Problem, ...]:
     elif surface.strategy == HELIX:
         count = int(abs(np.diff(np.unwrap(surface.angle_deg, period=360.0)).sum()) / 360.0 + 0.5)
     else:
-        return ()
+        code, least = "trace.few_scattered", POINTS_PER_UNDULATION * lobes
+        count = int(np.histogram(surface.z_mm, bins=LEAST_SECTIONS)[0].min())
     return () if count >= least else (Problem(code=code, key=HEIGHT, value=str(count), limit=f">= {least}"),)
 
 

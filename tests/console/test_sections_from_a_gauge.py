@@ -136,6 +136,24 @@ def test_a_helix_has_a_form_and_is_no_verdict_on_roundness(tmp_path: Path, job: 
     assert [each.code for each in read(path, replace(job, cut_length_mm=5.0), JAWS).problems] == ["trace.off_cut"]
 
 
+@pytest.mark.parametrize(("lowest", "most"), [(20, False), (21, True)])
+def test_scattered_points_are_as_many_in_each_third_of_the_length(
+    tmp_path: Path, job: Job, lowest: int, most: bool
+) -> None:
+    """Seven points to each of three lobes, wherever the others are."""
+    chance = np.random.default_rng(3)
+    z_mm = np.concatenate([chance.uniform(*ends, n) for *ends, n in ((22, 24.3, lowest), (24.4, 29.0, 80))])
+    z_mm[:2] = 22.0, 22.001  # the thirds are those of the heights that were measured
+    z_mm[-1] = 29.0
+    angle = chance.uniform(0.0, 360.0, z_mm.size)
+    rows = [f"{z:.4f};{a:.3f};{15 * np.sin(np.radians(3 * a)):.4f}" for a, z in zip(angle, z_mm, strict=True)]
+    path = tmp_path / "points.csv"
+    path.write_text(STATED + "Z [mm];Angle [deg];Deviation [um]\n" + "\n".join(rows), encoding="utf-8")
+    found = read(path, job, JAWS)
+    refused = [(each.code, each.value, each.limit) for each in found.problems]
+    assert refused == ([] if most else [("trace.few_scattered", str(lowest), ">= 21")])
+
+
 @pytest.mark.parametrize("lines", [6, 20, 21])
 def test_a_bird_cage_that_may_miss_the_lobe_is_no_verdict(tmp_path: Path, job: Job, lines: int) -> None:
     """Six generatrices on the nodes of a lobe of 30 um p-p show a perfect cylinder."""
