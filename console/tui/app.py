@@ -44,10 +44,9 @@ from console.tui.gate import (
     stop_reason,
 )
 from console.tui.keymap import MODULES, MOTION_PAGES, NUMBERED, READING, TAKE, Action, PageName
-from console.tui.layout import CSS, SMALLEST, find_size_problems, is_small
 from console.tui.lines import Line, Sheet
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
-from console.tui.page import Page
+from console.tui.page import CSS, SMALLEST, Page, find_size_problems, is_small
 from console.tui.palette_keys import PaletteKeys
 from console.tui.previewing import ChosenPath, Previewer
 from console.tui.standing_orders import StandingOrders
