@@ -21,8 +21,7 @@ from console.session.errors import fault_problem
 from console.session.station.history.session_log import LogEntry, SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
-from console.tui.application.bell import Bell
-from console.tui.application.draw_rate import LastDrawing
+from console.tui.application.bell import Bell, LastDrawing
 from console.tui.application.far_terminal import FarTerminal
 from console.tui.application.key_releases import ReportedKey
 from console.tui.application.listening import ListeningApp
