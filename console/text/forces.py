@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from console.text.catalogue import Catalogue
+from console.units import METRIC, Units
 from profiles.chucking.advice import ForceSpan
+from profiles.job import NO_LOBE, Job
 
 
 def span_words(span: ForceSpan, text: Catalogue) -> str:
@@ -31,3 +33,16 @@ def _ends(span: ForceSpan) -> dict[str, str]:
 def no_force_remedy(span: ForceSpan, text: Catalogue) -> str:
     """Return what makes room where no force holds the part, by what bounds the force; "" where one does."""
     return text(f"clamping.room.{span.binding}") if span.empty else ""
+
+
+NOT_YET = "–"
+_LEAST_UM = 0.05  # below it one decimal would read 0.0
+
+
+def lobe_number(job: Job, units: Units = METRIC) -> str:
+    """Return the lobe error p-p in these units: a dash where it is not known, never 0.0 for a small one."""
+    if job.lobe_error_source == NO_LOBE:
+        return NOT_YET
+    if 0.0 < job.lobe_error_um_pp < _LEAST_UM:
+        return f"< {units.figure(0.1, 'um', 1)}"
+    return units.figure(job.lobe_error_um_pp, "um", 1)
