@@ -1,11 +1,17 @@
-"""Words for the permitted chucking forces of a job: from where to where, or that none holds the part, and why."""
+"""Words for what is predicted of a job: the permitted chucking forces, the lobe error, why a residual is a band."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from console.text.catalogue import Catalogue
 from console.units import METRIC, Units
-from profiles.chucking.advice import ForceSpan
 from profiles.job import NO_LOBE, Job
+
+if TYPE_CHECKING:
+    from drivers.preview.band import Band
+    from profiles.axis.response import ServoResponse
+    from profiles.chucking.advice import ForceSpan
 
 
 def span_words(span: ForceSpan, text: Catalogue) -> str:
@@ -46,3 +52,23 @@ def lobe_number(job: Job, units: Units = METRIC) -> str:
     if 0.0 < job.lobe_error_um_pp < _LEAST_UM:
         return f"< {units.figure(0.1, 'um', 1)}"
     return units.figure(job.lobe_error_um_pp, "um", 1)
+
+
+def band_reasons(band: Band, response: ServoResponse, text: Catalogue) -> list[tuple[str, float | None, str]]:
+    """Return code, um p-p (None: not known) and sentence of each contribution; the cut inverts `response`."""
+    servo, force_n = f"band.servo.{response.source}", band.assumed_friction_n
+    friction, words = "band.friction.identified", text("band.friction.identified")
+    if force_n is not None:
+        friction, words = "band.friction.assumed", text("band.friction.assumed", assumed=f"{force_n:g}")
+    typical = {"low": text.units.format_short(1.0, "um"), "high": text.units.format_short(2.0, "um")}
+    return [
+        (servo, band.servo_um, text(servo)),
+        ("band.clamping", band.clamping_um, text("band.clamping")),
+        ("band.cutting", band.cutting_um, text("band.cutting")),
+        (friction, band.friction_um, words),
+        (
+            "band.spindle",
+            band.spindle_um,
+            text("band.spindle", **typical, assumed=text.units.format_short(band.spindle_um, "um")),
+        ),
+    ]
