@@ -1,4 +1,4 @@
-"""Words for what is predicted of a job: the permitted chucking forces, the lobe error, why a residual is a band."""
+"""Words for what is predicted of a job: its chucking forces, its lobe error, and why a residual is a band."""
 
 from __future__ import annotations
 
