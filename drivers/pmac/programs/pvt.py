@@ -24,7 +24,8 @@ import numpy as np
 
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs import hold
-from drivers.pmac.programs.push import with_along, with_push
+from drivers.pmac.programs.along import with_along
+from drivers.pmac.programs.push import with_push
 from drivers.pmac.programs.setup import CutSetup, cut_values, refuse_endless
 from profiles.compensations.path import LobedPath
 from profiles.job import Job

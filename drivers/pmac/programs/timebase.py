@@ -22,7 +22,8 @@ from drivers.pmac.master.time_base import (
     nearest_factor,
     real_time_counts_per_ms,
 )
-from drivers.pmac.programs.push import with_along, with_push
+from drivers.pmac.programs.along import with_along
+from drivers.pmac.programs.push import with_push
 from drivers.pmac.programs.pvt import LOBE_PATH, path_values, pvt_timing
 from drivers.pmac.programs.setup import SERVO, CutSetup
 from drivers.pmac.settings import settings_with
