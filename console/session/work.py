@@ -12,7 +12,8 @@ from drivers.cutting.strategy import DEFAULT_STRATEGY, UNCOMPENSATED
 from profiles.fields import Field, FieldType, fault, spell_toml
 from profiles.files import printable
 from profiles.job import JOB_FIELDS, LABELS, NO_LOBE, TOLERANCES, Job, copy_of
-from profiles.lobe.lobe_conditions import MODEL, kept_condition, with_lobe_of, with_modelled_lobe, without_lobe
+from profiles.lobe.lobe_conditions import kept_condition
+from profiles.lobe.lobe_origin import MODEL, with_lobe_of, with_modelled_lobe, without_lobe
 from profiles.problem import Problem, ProfileError
 from profiles.store import BUNDLED_JOBS, LoadedJob, LoadedMachine, load_job, save_job
 

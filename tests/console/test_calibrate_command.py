@@ -25,7 +25,7 @@ from console.text.catalogue import load
 from console.tui.calibration.chuck_facts import CalibrationStatus, kept_facts, kept_list
 from drivers.cutting.planning import Strategy
 from drivers.simulator.plant.presets import plant_named
-from profiles.lobe.lobe_conditions import with_modelled_lobe, without_lobe
+from profiles.lobe.lobe_origin import with_modelled_lobe, without_lobe
 from profiles.problem import ProblemError, ProfileError
 from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, load_machine, save_job
 from tests.compact import compact_machine

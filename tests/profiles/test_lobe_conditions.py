@@ -29,10 +29,8 @@ from profiles.lobe.lobe_conditions import (
     kept_condition,
     lobe_differences,
     lobe_source,
-    with_lobe_of,
-    with_modelled_lobe,
-    without_lobe,
 )
+from profiles.lobe.lobe_origin import with_lobe_of, with_modelled_lobe, without_lobe
 from profiles.lobe.prediction import predict
 from profiles.problem import ProfileError
 from profiles.rules import check

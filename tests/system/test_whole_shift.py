@@ -23,7 +23,7 @@ from console.session.data.run_reader import runs
 from console.session.data.run_rows import RunOutcome
 from console.session.data.stop_records import simulated_record, store
 from drivers.pmac.dialect import DIALECTS
-from profiles.lobe.lobe_conditions import without_lobe
+from profiles.lobe.lobe_origin import without_lobe
 from profiles.store import load_job, save_job
 from tests.system.test_own_part import Operator, Shop
 from tests.system.test_reconnecting_screens import CuttableLine

@@ -21,7 +21,7 @@ from console.tui.pages.jog_lines import JogView, jaw_words, jog_lines, jog_panel
 from console.tui.ui_context import View
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.workshop_view import WorkshopView
-from profiles.lobe.lobe_conditions import without_lobe
+from profiles.lobe.lobe_origin import without_lobe
 from profiles.store import load_machine
 from tests.tui import align_stage
 from tests.tui.align_stage import IN_PART, NEAR, NO_JAW, OFF, OTHER, VALID, look, shown, state, words_of

@@ -15,7 +15,7 @@ from console.session.station.state import MeasuredPart, StationState
 from profiles.arrays import Floats
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
-from profiles.lobe.lobe_conditions import without_lobe
+from profiles.lobe.lobe_origin import without_lobe
 from profiles.metrology.circles import CIRCLES, LEAST_SQUARES, MAXIMUM_INSCRIBED, MINIMUM_CIRCUMSCRIBED
 from profiles.metrology.points import POINTS_PER_UNDULATION, largest_gap_deg
 from profiles.roundness import RoundnessResult, evaluate, profile_of

@@ -20,7 +20,8 @@ from console.units import Units
 from drivers.cutting.strategy import UNCOMPENSATED
 from profiles.files import printable
 from profiles.job import NO_LOBE, Job
-from profiles.lobe.lobe_conditions import MODEL, lobe_source
+from profiles.lobe.lobe_conditions import lobe_source
+from profiles.lobe.lobe_origin import MODEL
 from profiles.problem import Problem
 from profiles.store import LibraryEntry, LoadedJob
 

@@ -23,7 +23,7 @@ from drivers.simulator.plant.workpiece import ANGLES, CHUNK, OVERLAP, Blank, Wor
 from drivers.simulator.plant.workshop_view import Truth, WorkshopView
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import NO_LOBE, Job
-from profiles.lobe.lobe_conditions import with_modelled_lobe
+from profiles.lobe.lobe_origin import with_modelled_lobe
 from profiles.machine import MachineProfile
 from profiles.metrology.cylindricity import PartSection
 from profiles.problem import ProfileError
