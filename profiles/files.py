@@ -5,6 +5,10 @@ A path may name anything: a folder, a pipe without a writer, an endless device. 
 bytes or the new ones, never half of them. A running writer holds a lock on its temporary file, which the kernel
 releases when the process ends, however it ends. So a file that can be locked was left by a killed one, whatever
 its date; on a file system without locks none counts as left.
+
+Rights of our own files follow the folder, not the umask of whoever writes. A folder with the setgid bit that its
+group may write, and not everybody (`install -d -m 2770 -g GROUP`), is shared: all accounts of its group work with
+what is in it. Anything else is private to its owner.
 """
 
 from __future__ import annotations
@@ -16,11 +20,64 @@ import re
 import stat
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from profiles.folder_rights import may_be_ours, rights_in
 from profiles.problem import refusal_error
+
+
+@dataclass(frozen=True, slots=True)
+class Rights:
+    """Permissions of new folders and new files."""
+
+    folder: int
+    file: int
+
+    @property
+    def shared(self) -> bool:
+        """Whether the group has the same rights as the owner."""
+        return bool(self.file & stat.S_IWGRP)
+
+
+PRIVATE = Rights(folder=0o700, file=0o600)
+SHARED = Rights(folder=0o2770, file=0o660)
+
+
+def rights_in(folder: Path) -> Rights:
+    """Return the rights of new files and folders in a folder, which need not exist yet.
+
+    A subfolder that somebody made by hand in a shared folder has inherited the setgid bit, though not always the
+    right to write: it counts as the folder that it is in. One that is closed to its group is private.
+    """
+    for each in (folder, *folder.absolute().parents):
+        try:
+            mode = os.stat(each).st_mode
+        except FileNotFoundError:
+            continue
+        except OSError:
+            return PRIVATE
+        if is_shared(mode):
+            return SHARED
+        if not mode & stat.S_ISGID or not mode & stat.S_IXGRP or mode & stat.S_IWOTH:
+            return PRIVATE
+    return PRIVATE
+
+
+def is_shared(mode: int) -> bool:
+    """Whether a folder of this mode is shared within its group."""
+    return bool(mode & stat.S_ISGID and mode & stat.S_IWGRP and not mode & stat.S_IWOTH)
+
+
+def may_be_ours(status: os.stat_result, folder: Path) -> bool:
+    """Whether a file in a folder was written by this account, or by another one that shares the folder."""
+    if status.st_uid == os.geteuid():
+        return True
+    try:
+        return rights_in(folder).shared and status.st_gid == os.stat(folder).st_gid
+    except OSError:
+        return False
+
 
 TOML_CAP_BYTES = 1_000_000
 # Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
@@ -143,7 +200,7 @@ def read_toml(path: Path) -> tuple[bytes, dict[str, Any]]:
 def make_private_folder(folder: Path) -> None:
     """Make a folder, and those above it, whatever the umask; what is there stays as it is.
 
-    They are their owner's alone, or their group's in a shared folder (`profiles.folder_rights`). Raises `OSError`.
+    They are their owner's alone, or their group's in a shared folder (`profiles.files`). Raises `OSError`.
     """
     missing = [each for each in (folder, *folder.parents) if not each.exists()]
     for each in reversed(missing):
@@ -176,7 +233,7 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
 def written_atomically(path: Path, *, overwrite: bool, private: bool = False) -> Iterator[BinaryIO]:
     """Yield a synchronised temporary file beside `path`, which becomes `path` when all of it was written.
 
-    A `private` file has the rights of its folder (`profiles.folder_rights`), whatever the umask; any other new one
+    A `private` file has the rights of its folder (`profiles.files`), whatever the umask; any other new one
     has those of the umask, and in a shared folder those of its group. A symbolic link is followed, so the link
     stays. Temporary files of the same name left by killed writers are removed.
     Raises `ProfileError` with `file.exists` (and `overwrite` is false) or `file.not_writable`.

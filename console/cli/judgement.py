@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from console.text.catalogue import Catalogue
 from console.text.checks import MARKS
 from console.text.columns import table
-from console.text.forces import span_words
+from console.text.job_words import span_words
 from profiles.chucking.advice import force_span
 from profiles.chucking.diagnosis import Diagnosis
 from profiles.chucking.grip import wrench_force_sd_n

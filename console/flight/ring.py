@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.kept_files import folder_name
-from profiles.files import made_locked, make_private_folder, open_regular, taken_if_left
-from profiles.folder_rights import rights_in
+from profiles.files import made_locked, make_private_folder, open_regular, rights_in, taken_if_left
 
 FOLDER, RUNNING = "flight", "running"
 LOCK, SEGMENT = "lock", ".segment"

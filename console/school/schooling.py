@@ -9,19 +9,23 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from random import SystemRandom
 from typing import TYPE_CHECKING
 
 from console.school.instructing.instructor_access import serve_instructor
 from console.school.training.attempt import Attempt
-from console.school.training.following import follow_attempt
 from console.school.training.unfinished_try import keep_left
+from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.ui_context import UiContext
 from drivers.link.address import SimulatedAddress
 
 if TYPE_CHECKING:
     from console.school.practice_lathe import TakenUp
+    from console.school.training.attempt import Attempt
+    from console.school.training.event import LessonEvent
     from console.school.training.lesson import Lesson
+    from console.session.station.commands import Control
     from console.session.station.link_thread import LinkThread
     from console.session.station.state import SessionStart
     from console.session.work import Work
@@ -158,3 +162,37 @@ def schooling(options: Namespace, data: Path, text: Catalogue) -> Schooling:
     lesson = attempt.lesson
     address = SimulatedAddress(plant=lesson.plant_of(attempt.seed), seed=attempt.seed, blind=lesson.blind)
     return Schooling(attempt=attempt, instructor=options.instructor, address=address)
+
+
+def follow_attempt(attempt: Attempt, control: Control) -> Attempt:
+    """Return the try up to now; the simulated lathe has got the faults that were due."""
+    now_s = control.now_s()
+    attempt = attempt.see_state(control.state, now_s)
+    for number in attempt.due_events(now_s):
+        from console.session.station.commands import InjectFault  # not for the first page
+
+        event = attempt.lesson.events[number]
+        if event.console and not _may_be_taken(control.state):
+            continue
+        for line in (event.fault,) if event.fault else _claim(event, control.state.holder):
+            control.post(InjectFault(line=f"inject {line}"))
+        attempt = attempt.gave(number, now_s)
+    return attempt
+
+
+def _may_be_taken(state: StationState) -> bool:
+    """Whether another console may take control: at rest, as the rule is (docs/ownership.md)."""
+    snapshot = state.snapshot
+    return state.controls and state.activity is Activity.READY and snapshot is not None and snapshot.at_rest
+
+
+def _claim(event: LessonEvent, holder: int) -> tuple[str, ...]:
+    """Return how another host takes control from the holder, and signs as consoles do."""
+    from drivers.lathe.console_role import Signature
+    from drivers.lathe.ownership import HIGHEST, exchange_line, signing_line
+
+    name, _, host = event.console.partition("@")
+    number = SystemRandom().randint(1, HIGHEST)
+    signature = Signature(number=number, name=name, host=host, minute=int(time.time() // 60))
+    lines = (exchange_line(holder, number), signing_line(signature))
+    return tuple(f"stranger-writes 'line={line}'" for line in lines)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from console.session.appearance import CHOICES, KEYS_CAP_CHARACTERS, fault_in_keys
-from console.session.data.home import home_of
+from console.session.operator import home_of
 from profiles.words.sentences import LANGUAGES
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from console.escaping import escape_text
-from profiles.files import make_private_folder, open_regular
-from profiles.folder_rights import rights_in
+from profiles.files import make_private_folder, open_regular, rights_in
 
 FOLDER, FILE, LOCK = "program-log", "trilobe.log", "lock"
 MOST_BYTES, KEPT_FILES = 1_000_000, 5

@@ -21,8 +21,7 @@ from console.session.errors import fault_problem
 from console.session.station.history.session_log import LogEntry, SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
-from console.tui.application.bell import Bell
-from console.tui.application.draw_rate import LastDrawing
+from console.tui.application.bell import Bell, LastDrawing
 from console.tui.application.far_terminal import FarTerminal
 from console.tui.application.key_releases import ReportedKey
 from console.tui.application.listening import ListeningApp
@@ -44,10 +43,9 @@ from console.tui.gate import (
     stop_reason,
 )
 from console.tui.keymap import MODULES, MOTION_PAGES, NUMBERED, READING, TAKE, Action, PageName
-from console.tui.layout import CSS, SMALLEST, find_size_problems, is_small
 from console.tui.lines import Line, Sheet
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
-from console.tui.page import Page
+from console.tui.page import CSS, SMALLEST, Page, find_size_problems, is_small
 from console.tui.palette_keys import PaletteKeys
 from console.tui.previewing import ChosenPath, Previewer
 from console.tui.standing_orders import StandingOrders

@@ -26,9 +26,8 @@ from console.session.dated_input import InputAge
 from console.tui import gate
 from console.tui.application.key_releases import KeyReleases, ReportedKey, Stroke
 from console.tui.application.kitty_parser import RELEASE, REPEAT, FunctionKeys, KittyParser
-from console.tui.application.scan_collector import Scan, ScanCollector
 from console.tui.keymap import KILL_KEYS, MOTION_PAGES, STOP_KEYS, Action, PageName
-from console.tui.pace import QUIET_S, KeyPace
+from console.tui.pace import QUIET_S, KeyPace, Scan, ScanCollector
 from drivers.clock import boot_s
 
 WAIT_S = 0.1  # time that the reading thread waits for a key before it checks whether to end

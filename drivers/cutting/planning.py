@@ -18,9 +18,9 @@ from drivers.pmac.program_text import ProgramText, read_program
 from drivers.pmac.programs.pvt import fits_whole_milliseconds
 from drivers.pmac.programs.setup import SERVO, CutSetup, cut_setup
 from drivers.pmac.settings import settings_with
-from profiles.axis.friction import held_back_um
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.axis.servo import sampled_response
+from profiles.axis.stiffness import held_back_um
 from profiles.compensations.learning import coefficient_of
 from profiles.compensations.path import AlongCut, CutPath, LobedPath, invert, path_problems, target_path
 from profiles.compensations.push import predicted_push_um

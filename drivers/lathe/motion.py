@@ -23,8 +23,8 @@ from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.motor_settings import MotorSettings
-from profiles.axis.friction import ASSUMED_FRICTION_N
 from profiles.axis.servo import tool_compliance_um_per_n
+from profiles.axis.stiffness import ASSUMED_FRICTION_N
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 

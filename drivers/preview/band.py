@@ -15,8 +15,8 @@ import numpy as np
 from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 from drivers.identification.nominal import path_response
 from drivers.preview.preview import PartialPreview, ProgramPrediction
-from profiles.axis.friction import ASSUMED_FRICTION_N, friction_um_pp
 from profiles.axis.response import ServoResponse
+from profiles.axis.stiffness import ASSUMED_FRICTION_N, friction_um_pp
 from profiles.chucking.grip import lobe_um_per_n
 from profiles.chucking.held_part import held_part
 from profiles.chucking.holding import holding_of

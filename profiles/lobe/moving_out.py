@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from profiles.arrays import Floats
-from profiles.axis.friction import USUAL_FRICTION_N
 from profiles.axis.servo import following_error_um, pushed_um_per_n, sampled_response
 from profiles.axis.servo_gains import error_limit_um
+from profiles.axis.stiffness import USUAL_FRICTION_N
 from profiles.cutting import PASSIVE_FRACTION, cutting_force
 from profiles.findings import Finding, Severity, judge_condition
 from profiles.job import Job

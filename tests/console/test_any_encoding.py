@@ -191,12 +191,12 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
         "further/settings.py EntryLine",
         "application/glyphs.py Segment",
         "pages/jobs.py JobsEntry",
-        "pages/records.py Input",
+        "pages/records.py EntryLine",
         "further/controller.py EntryLine",
         "pages/setup.py EntryLine",
         "pages/inspect.py CalibrateEntry",
-        "pages/trace_chooser.py Input",
-        "inspection/part_form.py Input",
+        "pages/trace_chooser.py EntryLine",
+        "inspection/part_form.py EntryLine",
     }
 
 

@@ -22,8 +22,7 @@ from console.session.work import Work, edit_field, open_work, parse_field, saved
 from drivers.commissioning.stop_record import StopRecord
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.machine import SimulatedLathe
-from profiles.files import write_atomically
-from profiles.folder_rights import rights_in
+from profiles.files import rights_in, write_atomically
 from profiles.job import SIMULATED_SOURCE
 from profiles.problem import Problem, ProfileError
 from profiles.store import load_job, load_machine

@@ -142,7 +142,7 @@ def test_scattered_points_are_as_many_in_each_third_of_the_length(
 ) -> None:
     """Seven points to each of three lobes, wherever the others are."""
     chance = np.random.default_rng(3)
-    z_mm = np.concatenate([chance.uniform(*ends, n) for *ends, n in ((22, 24.3, lowest), (24.4, 29.0, 80))])
+    z_mm = np.concatenate([chance.uniform(22.0, 24.3, lowest), chance.uniform(24.4, 29.0, 80)])
     z_mm[:2] = 22.0, 22.001  # the thirds are those of the heights that were measured
     z_mm[-1] = 29.0
     angle = chance.uniform(0.0, 360.0, z_mm.size)

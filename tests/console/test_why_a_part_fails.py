@@ -392,11 +392,11 @@ def test_a_section_in_the_mark_of_a_stop_fails_by_that_and_not_by_its_lobe() -> 
         part = SimpleNamespace(whole=whole, judged=judged, job=job, marks_mm=marks_mm)
         return causes_along(cast(MeasuredPart, part))
 
-    for marks_mm in ((3.5,), (0.4, 3.9)):
+    for marks_mm in ([3.5], [0.4, 3.9]):
         (cause,) = causes(*marks_mm)
         assert (cause.kind, cause.first_mm) == (LengthCauseKind.MARK, 26.4)
         assert "Z 26.4" in length_cause_words(cause, load("ko")) and "(F4)" in length_cause_words(
             cause, load("en")
         )
-    for marks_mm in ((), (2.8,)):
-        assert LengthCauseKind.LOBE in {each.kind for each in causes(*marks_mm)}
+    for elsewhere_mm in ([], [2.8]):
+        assert LengthCauseKind.LOBE in {each.kind for each in causes(*elsewhere_mm)}

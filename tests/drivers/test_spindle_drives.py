@@ -10,8 +10,7 @@ import pytest
 
 from drivers.pmac.settings import settings_with
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.drives import Drives, build_drives
-from drivers.simulator.plant.inverter import InverterSpindle
+from drivers.simulator.plant.drives import Drives, InverterSpindle, build_drives
 from drivers.simulator.plant.spindle import SimulatedSpindle
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from profiles.machine import MachineProfile

@@ -10,8 +10,8 @@ import pytest
 
 from drivers.cutting.planning import plan_cut
 from drivers.cutting.strategy import Strategy
+from drivers.preview.preview import predict_whole, with_lobe
 from drivers.preview.program_prediction import SurfacePrediction
-from drivers.preview.surface_prediction import predict_whole, with_lobe
 from profiles.axis.servo import sampled_response
 from profiles.compensations.path import AxialTerm, CutPath, PathHarmonic, free_state_lobe, target_path
 from profiles.machine import ONE_LOBE, MachineProfile

@@ -26,10 +26,9 @@ from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.spindle import RadialError
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workshop import SimulatedWorkshop
-from profiles.axis.friction import friction_um_pp
 from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo import sampled_response
-from profiles.axis.stiffness import compliance_um_per_n
+from profiles.axis.stiffness import compliance_um_per_n, friction_um_pp
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError

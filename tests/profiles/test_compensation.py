@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from profiles.axis.friction import held_back_um
+from profiles.axis.stiffness import held_back_um
 from profiles.compensations.learning import coefficient_of, next_trim_um
 from profiles.compensations.order_steps import RepeatHistory
 from profiles.compensations.path import (

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from console.school.schooling import follow_attempt
 from console.school.training.attempt import Attempt
 from console.school.training.debrief import Debrief, debrief_of
-from console.school.training.following import follow_attempt
 from console.school.training.happenings import HappeningKind
 from console.school.training.lesson import Item, Lesson, lesson_of
 from console.school.training.tries import Try, check_trainee, files_of, keep_try, told_again, tries, try_of

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.cli.commands import build
+from console.school.instructing.dispatcher import MOST_CHECKPOINTS, CarryOut
 from console.school.instructing.mailbox import InstructorAct, Mailbox
 from console.school.instructing.order import (
     FASTEST,
@@ -24,7 +25,6 @@ from console.school.instructing.order import (
     read_answer,
     read_order,
 )
-from console.school.instructing.order_execution import MOST_CHECKPOINTS, CarryOut
 from console.school.training.debrief import reactions
 from console.school.training.happenings import HappeningKind
 from console.session.errors import SessionError

@@ -27,8 +27,7 @@ from console.session.station.state import Activity, StationState
 from console.site.cli.metrics import response
 from console.site.exchange.metrics import exposition
 from console.site.shop.identity import LatheIdentity, lathe_identity
-from console.site.shop.outbox import outbox
-from console.site.shop.tables import RUNS, SENT
+from console.site.shop.outbox import RUNS, SENT, outbox
 from console.text.catalogue import load
 from drivers.lathe.console_role import ConsoleRole
 from profiles.problem import ProblemError

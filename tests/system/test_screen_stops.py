@@ -12,11 +12,10 @@ import pytest
 from textual import events
 from textual.message import Message
 
-from console.tui.application.scan_collector import ScanCollector
 from console.tui.driver import Reader, StopDriver
 from console.tui.gate import FieldKind, KeySituation
 from console.tui.keymap import PageName
-from console.tui.pace import KeyPace
+from console.tui.pace import KeyPace, ScanCollector
 from tests.terminal import KEYS
 from tests.trainee import Trainee, console, console_at
 from tests.tui.stage import answered_age

@@ -11,12 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from textual.events import Key
 
-from console.tui.application.scan_collector import Scan, ScanCollector
 from console.tui.application.scans import LONGEST, find_job, job_named, keys_of, printable_code
 from console.tui.driver import Reader
 from console.tui.gate import FieldKind, KeyDecision, KeySituation, is_stray, judge, stop_reason, stops_at_once
 from console.tui.keymap import ACTIONS, DIGITS, KILL_KEYS, STOP_KEYS, PageName, action_of, actions_of
-from console.tui.pace import APART_S, QUIET_S, KeyPace
+from console.tui.pace import APART_S, QUIET_S, KeyPace, Scan, ScanCollector
 from profiles.problem import Problem
 from profiles.store import LibraryEntry
 

@@ -26,11 +26,10 @@ from console.tui import driver
 from console.tui.application.key_releases import KeyReleases
 from console.tui.application.listening import ListeningApp
 from console.tui.application.logged_control import LoggedControl
-from console.tui.application.scan_collector import ScanCollector
 from console.tui.driver import Reader, StopDriver
 from console.tui.gate import UNCONFIRMED, UNREADABLE, KeyDecision, KeySituation, judge, stop_reason
 from console.tui.keymap import PageName
-from console.tui.pace import KeyPace
+from console.tui.pace import KeyPace, ScanCollector
 from console.tui.theme import MONO
 from console.tui.ui_context import UiContext
 from drivers.lathe.stop import StopPath

@@ -17,7 +17,7 @@ from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName, actions_of
-from console.tui.layout import SMALLEST
+from console.tui.page import SMALLEST
 from console.tui.pages.fields import name_field
 from profiles.problem import Problem
 from tests.tui import align_stage, run_stage

@@ -20,13 +20,12 @@ from console.session.station.state import Activity, StationState, StopState
 from console.session.work import Work, edit_field
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
-from console.tui.application.scan_collector import ScanCollector
 from console.tui.driver import StopDriver, Written
 from console.tui.gate import FieldKind, HeldKeys, KeySituation
 from console.tui.key_help import words_of
 from console.tui.keymap import ACTIONS, CLOSE, PALETTE, PageName, actions_of
 from console.tui.list_panel import STOPPING, Entry, entries, find_palette_entries
-from console.tui.pace import KeyPace
+from console.tui.pace import KeyPace, ScanCollector
 from console.tui.pages import run as run_page
 from drivers.lathe.console_role import ConsoleRole
 from tests.tui import align_stage, run_stage

@@ -15,9 +15,8 @@ from typing import TypeVar
 from console.cli.library import data_of
 from console.cli.machine.card_access import ConnectedController
 from console.escaping import encodable, escape_text, spell_unencodable
-from console.session.data.controller_backups import backup_path, keep_backup
+from console.session.data.controller_backups import backup_path, fraction_done, keep_backup, seconds_left
 from console.session.errors import Interrupted
-from console.session.time_left import fraction_done, seconds_left
 from console.text.catalogue import Catalogue
 from drivers.commissioning.configuration import ControllerConfiguration
 from drivers.commissioning.reading import (

@@ -16,7 +16,7 @@ from console.session.configuration import SettingOrigin
 from console.session.data.kept_files import jobs_folder
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from console.text.lobe import lobe_number
+from console.text.job_words import lobe_number
 from profiles.files import printable
 from profiles.findings import refusals
 from profiles.job import NO_LOBE

@@ -12,7 +12,7 @@ from console.cli.output import harmonics_of
 from console.session.data.calibrated_chuck import CalibratedMachine
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from console.text.forces import no_force_remedy, span_words
+from console.text.job_words import no_force_remedy, span_words
 from profiles.axis.envelope import Envelope
 from profiles.chucking.advice import ClampingAdvice
 from profiles.chucking.diagnosis import diagnose

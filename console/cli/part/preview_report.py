@@ -8,11 +8,10 @@ from dataclasses import asdict
 
 from console.cli.judgement import finding_fields, finding_lines, span_fields, span_line
 from console.cli.output import harmonics_of
-from console.text.band import band_reasons
 from console.text.catalogue import Catalogue
 from console.text.checks import MARKS
 from console.text.columns import table
-from console.text.forces import no_force_remedy
+from console.text.job_words import band_reasons, no_force_remedy
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.band import Band, predicted_band

@@ -12,9 +12,9 @@ from console.cli.output import show
 from console.cli.parser import Parser
 from console.session.appearance import CHOICES
 from console.session.configuration import KEYS, Configuration, Setting, SettingOrigin, variable_of
-from console.session.data.home import account_name
 from console.session.data.kept_files import data_folder
 from console.session.errors import SessionError
+from console.session.operator import account_name
 from console.text.catalogue import Catalogue, language_variable
 from console.text.columns import table
 from profiles.files import printable

@@ -43,7 +43,7 @@ def _list(options: Namespace, text: Catalogue) -> None:
 def _copy(options: Namespace, text: Catalogue) -> None:
     folder = machines_folder(data_of(options))
     source = load_machine(options.source, folder)
-    from profiles.machine_copy import copy_machine
+    from profiles.store import copy_machine
 
     if options.name in {each.name for each in list_machines(folder)}:
         raise ProfileError(Problem(code="machine.name_taken", value=printable(options.name)))

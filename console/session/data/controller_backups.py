@@ -19,6 +19,20 @@ if TYPE_CHECKING:
     from drivers.pmac.dialect import Dialect
     from profiles.machine import MachineProfile
 
+FIRST_ESTIMATE = 0.02  # fraction done from which the pace says anything
+MOST = 0.99  # of work that has not ended and whose amount is an estimate
+
+
+def fraction_done(done: float, whole: float) -> float:
+    """Return how much of some work is done; never all of it."""
+    return min(done / whole, MOST)
+
+
+def seconds_left(fraction: float, elapsed_s: float) -> float | None:
+    """Return the time left at the pace so far, None while too little is done to tell."""
+    return None if fraction < FIRST_ESTIMATE else elapsed_s * (1.0 - fraction) / fraction
+
+
 FOLDER, SUFFIX = "backups", ".pmac"
 MOST_LISTED = 200
 

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from profiles.files import walk
-from profiles.folder_rights import SHARED, is_shared
+from profiles.files import SHARED, is_shared, walk
 
 LITTLE_BYTES = 200_000_000
 """Below this much free space: some hundred run records, or a few hundred traces."""

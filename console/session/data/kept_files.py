@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from console.session.data.home import account_name, home_of
 from console.session.errors import SessionError
+from console.session.operator import account_name, home_of
 from drivers.clock import boot_s
 from profiles.files import make_private_folder, printable, read_regular_file, write_atomically
 from profiles.problem import Problem, ProfileError

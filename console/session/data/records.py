@@ -42,8 +42,7 @@ from console.session.operator import operator_name
 from console.session.part_identity import IDENTIFIED, PartIdentity, identity_of, next_identity, products_of
 from drivers.clock import boot_s
 from drivers.cutting.planning import CutPlan
-from profiles.files import made_locked, make_private_folder, printable, taken_if_left
-from profiles.folder_rights import rights_in
+from profiles.files import made_locked, make_private_folder, printable, rights_in, taken_if_left
 from profiles.job import Job
 from profiles.problem import Problem
 from profiles.store import LoadedMachine

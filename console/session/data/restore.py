@@ -40,8 +40,7 @@ from console.session.data.record_file import FILE_NAME
 from console.session.data.record_schema import SCHEMA as RECORD_SCHEMA
 from console.session.errors import SessionError
 from profiles.fields import spell_toml
-from profiles.files import make_private_folder, open_regular, printable, synchronise_folder
-from profiles.folder_rights import may_be_ours, rights_in
+from profiles.files import make_private_folder, may_be_ours, open_regular, printable, rights_in, synchronise_folder
 from profiles.problem import Problem
 
 SPARE_BYTES = 1_000_000

@@ -14,7 +14,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from console.session.data.home import account_name
 from console.session.data.measured_part import PART_COLUMNS, RecordedPart, column_values
 from console.session.data.record_file import (
     FILE_NAME,
@@ -37,6 +36,7 @@ from console.session.data.run_rows import (
 )
 from console.session.data.run_story import RunStory, story_of
 from console.session.errors import SessionError
+from console.session.operator import account_name
 from profiles.files import printable
 from profiles.problem import Problem
 

@@ -12,8 +12,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from profiles.files import made_locked, make_private_folder, taken_if_left
-from profiles.folder_rights import rights_in
+from profiles.files import made_locked, make_private_folder, rights_in, taken_if_left
 
 FOLDER, SOCKET, LOCK = "feed", ".socket", ".lock"
 LONGEST_PATH = 107  # bytes of the path of a socket that Linux has room for

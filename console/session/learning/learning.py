@@ -36,7 +36,7 @@ from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
 from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
 from drivers.identification.nominal import nominal_response
-from profiles.axis.friction import held_back_um
+from profiles.axis.stiffness import held_back_um
 from profiles.compensations.axial_learning import AxialHistory, AxialRules, axial_steps, fit_axial
 from profiles.compensations.causes import OVAL
 from profiles.compensations.certificate import PROCESS_GAINS, CertifiedOrder, certify_push, refuse_orders

@@ -26,8 +26,7 @@ from console.session.terminal_place import signed_host
 from drivers.errors import RefusedError
 from drivers.lathe.console_role import NOBODY
 from drivers.lathe.lathe import Lathe
-from profiles.files import make_private_file, make_private_folder, open_regular
-from profiles.folder_rights import may_be_ours
+from profiles.files import make_private_file, make_private_folder, may_be_ours, open_regular
 from profiles.problem import Problem
 
 FOREIGN = "not a plain file of this user"

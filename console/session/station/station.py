@@ -22,8 +22,7 @@ from console.session.station.adjustment import adjust_refusal, hold_refusal
 from console.session.station.alarms import OF_A_CUT, Priority, acknowledge_shown_alarms
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS, begin_as
-from console.session.station.link.holding import HolderWatch
-from console.session.station.link.left_runs import LeftRuns
+from console.session.station.link.holding import HolderWatch, LeftRuns
 from console.session.station.link.reconnecting import SILENT_CODES, Reconnection
 from console.session.station.progress import SpindleWatch
 from console.session.station.state import IDLE, MOVING, Activity, StationState

@@ -19,8 +19,8 @@ from console.session.data.run_reader import RunFilters, recorded_date
 from console.session.data.run_rows import COMPLETE, ENDS, STARTS
 from console.session.errors import SessionError
 from console.site.shop.connection import Values, connect_shop
+from console.site.shop.outbox import EVENTS, MEASUREMENTS, RUNS, TELEMETRY, TEXTS, TRACES, SentTable
 from console.site.shop.schema import refuse_other_schema
-from console.site.shop.tables import EVENTS, MEASUREMENTS, RUNS, TELEMETRY, TEXTS, TRACES, SentTable
 from profiles.files import printable
 from profiles.problem import Problem
 

@@ -20,9 +20,8 @@ from console.session.data.record_file import FILE_NAME
 from console.session.errors import SessionError
 from console.site.shop.connection import Values, commit_transaction, connect_shop
 from console.site.shop.identity import LatheIdentity, lathe_identity
-from console.site.shop.outbox import Outbox, Row, outbox
+from console.site.shop.outbox import SENT, Outbox, Row, SentTable, mark_of, outbox
 from console.site.shop.schema import refuse_other_schema
-from console.site.shop.tables import SENT, SentTable, mark_of
 from profiles.files import printable
 from profiles.problem import Problem, ProblemError
 

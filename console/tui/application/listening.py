@@ -27,7 +27,7 @@ from console.tui.application.scans import Scans
 from console.tui.driver import KeyFault, Late, Scanned, StopSent, TooFast, WideSigns, Written
 from console.tui.gate import UNCLEAR, FieldKind, KeyDecision, KeySituation, is_page, judge
 from console.tui.keymap import Action
-from console.tui.layout import is_small
+from console.tui.page import is_small
 from console.tui.theme import COLOUR, DARK_THEME, MONO, MONO_THEME, Palette, Token
 from console.tui.ui_context import UiContext
 from drivers.clock import OLD_S

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from console.tui.application.scan_collector import Scan
 from console.tui.gate import PASTED
+from console.tui.pace import Scan
 from console.tui.page import Page
 from console.tui.ui_context import UiContext
 from profiles.files import printable

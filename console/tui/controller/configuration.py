@@ -5,8 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.session.data.controller_backups import backup_path, compare_backup, write_backup
-from console.session.time_left import fraction_done, seconds_left
+from console.session.data.controller_backups import (
+    backup_path,
+    compare_backup,
+    fraction_done,
+    seconds_left,
+    write_backup,
+)
 from console.text.catalogue import Catalogue
 from console.text.checks import MARKS
 from console.tui.controller.errand import Errand

@@ -10,12 +10,12 @@ from console.session.data.run_reader import measured_parts, story
 from console.session.learning.evaluated_part import EvaluatedPart, evaluate_part
 from console.session.station.state import MeasuredPart
 from console.text.along_length import ront_words
-from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
 from console.tui.keymap import RowKey
-from console.tui.lines import Line, Sheet, dim, fit_text, hanging, justify_line, line, wrap_line
+from console.tui.lines import Line, Sheet, dim, fit_text, justify_line, line, wrap_line
 from console.tui.pages.inspect_lines import point_words
 from console.tui.records.background_reader import BackgroundReader
+from console.tui.rows import problem_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 from profiles.files import printable
@@ -137,7 +137,7 @@ class PartChooser(Sheet):
     def _rows(self, width: int) -> list[Line]:
         text, found = self._ui.text, self._found
         if isinstance(found, tuple):
-            return problem_rows(found, text, width)
+            return problem_lines(found, text, width)
         rows = [self._row(0, line(text("inspect_page.parts_none")), line(), width)]
         if found is None:
             return [*rows, line(dim(text("records_page.reading")))]
@@ -171,8 +171,3 @@ def read_other_part(data: Path, point: RecordedPart) -> EvaluatedPart:
     if found is None:
         raise ProfileError(Problem(code="inspect.no_trace", key=printable(point.run_id, 8)))
     return found
-
-
-def problem_rows(problems: tuple[Problem, ...], text: Catalogue, width: int) -> list[Line]:
-    """Return why the record cannot be read."""
-    return [row for each in problems for row in hanging(("! ", Token.WARNING), text.problem(each), width)]

@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from textual.containers import Vertical
-from textual.widgets import Input
 
 from console.session.data.records import identify_part
 from console.session.data.run_reader import story
 from console.session.data.run_story import RunStory
 from console.session.part_identity import FIELDS, KEYS, PartIdentity, identity_of, identity_values
 from console.text.recorded_words import identity_rows
-from console.tui.inspection.part_chooser import problem_rows
+from console.tui.entry import EntryLine
 from console.tui.keymap import RowKey
 from console.tui.lines import BLANK, Line, Sheet, clip_lines, dim, fit_text, line, wrap_line
 from console.tui.records.background_reader import BackgroundReader
+from console.tui.rows import problem_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 from profiles.problem import Problem
@@ -39,10 +39,7 @@ class PartForm(Vertical):
         height: 1fr;
         layers: base entry;
         #part-fields {{ height: 1fr; }}
-        #part-entry {{
-            layer: entry; position: absolute; display: none; width: {_ENTRY}; height: 1;
-            background: $background; color: $foreground;
-        }}
+        #part-entry {{ width: {_ENTRY}; }}
     }}
     """
 
@@ -50,8 +47,7 @@ class PartForm(Vertical):
         super().__init__(id="part-form")
         self._ui = ui
         self._fields = Sheet(ui.palette, id="part-fields", classes="panel")
-        self._entry = Input(id="part-entry", compact=True, select_on_focus=False)
-        self._entry.cursor_blink = False
+        self._entry = EntryLine(id="part-entry")
         self._reader: BackgroundReader[RunStory] = BackgroundReader()
         self._run_id: str | None = None
         self._opened = self._selected = 0
@@ -59,7 +55,7 @@ class PartForm(Vertical):
         self._stated: dict[str, Any] = {}
         self.display = False
 
-    def compose(self) -> list[Sheet | Input]:
+    def compose(self) -> list[Sheet | EntryLine]:
         """Return the fields and the entry of one."""
         return [self._fields, self._entry]
 
@@ -71,7 +67,7 @@ class PartForm(Vertical):
     @property
     def is_typing(self) -> bool:
         """Whether a value is being typed."""
-        return bool(self._entry.display)
+        return self._entry.is_open
 
     @property
     def keys(self) -> tuple[RowKey, ...]:
@@ -85,7 +81,7 @@ class PartForm(Vertical):
 
     def close(self) -> None:
         """Show the page again."""
-        self._end_typing()
+        self._entry.close()
         self._run_id = None
 
     def why_not(self, action: str) -> tuple[Problem, ...]:
@@ -109,8 +105,7 @@ class PartForm(Vertical):
         if run_id is None:
             return
         self._found = self._reader.answer((run_id, self._opened), lambda: story(self._ui.data, run_id))
-        if self.is_typing and self.screen.focused is not self._entry:
-            self.screen.set_focus(self._entry, scroll_visible=False)
+        self._entry.keep_focus()
         width, height = max(self._fields.size.width, 1), max(self._fields.size.height, 1)
         text = self._ui.text
         self._fields.show(clip_lines(self.in_full(width), height, text("panel.more")), text("identity.title"))
@@ -123,7 +118,7 @@ class PartForm(Vertical):
         """Return all rows of the form."""
         text = self._ui.text
         if isinstance(self._found, tuple):
-            return problem_rows(self._found, text, width)
+            return problem_lines(self._found, text, width)
         if self._found is None:
             return [line(dim(text("records_page.reading")))]
         shown = dict(identity_rows(self._identity, text))
@@ -147,24 +142,16 @@ class PartForm(Vertical):
             return
         key = KEYS[self._selected]
         value = getattr(self._identity, key)
-        self._entry.value = "" if value is None else str(value)
         self._entry.max_length = FIELDS[key].longest
         self._entry.styles.offset = (_LABEL + 3, self._selected + 1)
-        self._entry.display = True
-        self._entry.cursor_position = len(self._entry.value)
-        self.screen.set_focus(self._entry, scroll_visible=False)
+        self._entry.begin("" if value is None else str(value))
 
     def _take(self) -> None:
         """Keep the typed value in the record of the run; an entry that cannot be used stays open."""
         assert isinstance(self._found, RunStory)
         values = identity_values({KEYS[self._selected]: self._entry.value})
-        self._end_typing()
+        self._entry.close()
         if any(getattr(self._identity, key) != value for key, value in values.items()):
             identify_part(self._ui.data, self._found, self._stated | values)
             self._stated |= values
         self._selected = min(self._selected + 1, len(KEYS) - 1)
-
-    def _end_typing(self) -> None:
-        if self.is_typing:
-            self._entry.display = False
-            self.screen.set_focus(None)

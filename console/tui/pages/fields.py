@@ -12,8 +12,8 @@ from console.tui.ui_context import find_job_lock
 from console.units import Units
 from profiles.fields import Field, FieldType
 from profiles.job import JOB_FIELDS, Job
-from profiles.machine_copy import MOST_CHARACTERS, unfit_name
 from profiles.problem import Problem, ProfileError
+from profiles.store import MOST_CHARACTERS, unfit_name
 
 LOCKED = "screen.locked_moving", "screen.locked_armed"
 NEXT_TO_NOTHING = 0.001  # fraction of the maximum below which a minimum is not worth its cells

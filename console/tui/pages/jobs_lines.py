@@ -12,7 +12,7 @@ from rich.cells import cell_len
 from console.session.data.history import LastResult, LastResults
 from console.text.along_length import ront_words
 from console.text.catalogue import Catalogue
-from console.text.lobe import lobe_number
+from console.text.job_words import lobe_number
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, fit_text, hanging, line, name_among, wrap_line
 from console.tui.pages.fields import provenance
 from console.tui.theme import Token

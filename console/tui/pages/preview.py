@@ -18,8 +18,8 @@ from console.session.learning.learning_steps import scatter_um
 from console.session.stages import Stage, without_half
 from console.session.station.state import StationState
 from console.session.work import Work, with_strategy
-from console.text.band import band_reasons
 from console.text.catalogue import Catalogue
+from console.text.job_words import band_reasons
 from console.tui.keymap import DIGITS, PageName
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, clip_lines, dim, hanging, justify_line, line, wrap_line
 from console.tui.page import ChartPage

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from textual.widgets import Input
-from textual.widgets.input import Selection
-
 from console.session.data.run_reader import RunFilters
 from console.session.learning.job_chart import ChartedQuantity, JobChart
 from console.session.station.state import StationState
+from console.tui.entry import EntryLine
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
@@ -20,7 +18,6 @@ from console.tui.records.panels import RecordsPanels, RecordsView, full_lines
 from console.tui.records.reading import ALL, PIECE, ListQuery, OpenedRuns, RecordsReader, RunListing
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
-from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.problem import Problem
 
 STEPS = {"records.up": -1, "records.down": 1}
@@ -41,10 +38,7 @@ class RecordsPage(ChartPage):
     RecordsPage {
         layout: vertical;
         layers: base entry;
-        #records-entry {
-            layer: entry; position: absolute; display: none; width: 60%; height: 1; offset: 4 1;
-            background: $background; color: $foreground;
-        }
+        #records-entry { width: 60%; offset: 4 1; }
     }
     RecordsPage #records-claims { height: 8; }
     RecordsPage.-bare #records-left { display: none; }
@@ -55,9 +49,7 @@ class RecordsPage(ChartPage):
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui)
         self._panels = RecordsPanels(ui)
-        self._entry = Input(id="records-entry", compact=True, select_on_focus=False)
-        self._entry.cursor_blink = False
-        self._entry.max_length = TEXT_CAP_CHARACTERS
+        self._entry = EntryLine(id="records-entry")
         self.panels = (*self._panels.all, self._entry)
         self._reader = RecordsReader(ui.data, ui.machine)
         self._mode = RecordsView.LIST
@@ -117,8 +109,7 @@ class RecordsPage(ChartPage):
         self._view = view
         if self._away:
             self._away, self._visits = False, self._visits + 1
-        if self._is_typing and self.screen.focused is not self._entry:
-            self.screen.set_focus(self._entry, scroll_visible=False)
+        self._entry.keep_focus()
         self._read(view.state)
         shown = (self._mode, id(self._found), self._list, self._top, self._is_typing, self._run_query(view.state))
         sizes = self._panels.sizes
@@ -145,7 +136,7 @@ class RecordsPage(ChartPage):
 
     def leave(self) -> None:
         """End an entry; the record is read again when the page is shown the next time."""
-        self._end_typing()
+        self._entry.close()
         self._away = True
 
     def next_step(self, view: View) -> Line:
@@ -276,20 +267,11 @@ class RecordsPage(ChartPage):
 
     @property
     def _is_typing(self) -> bool:
-        return bool(self._entry.display)
+        return self._entry.is_open
 
     def _type_words(self) -> None:
-        self._entry.value = self._words
-        self._entry.selection = Selection(0, len(self._words))  # a character begins another search
-        self._entry.display = True
-        self.screen.set_focus(self._entry, scroll_visible=False)
+        self._entry.begin(self._words, marked=True)  # a character begins another search
 
     def _take_words(self) -> None:
-        self._words = self._entry.value.strip()
-        self._end_typing()
+        self._words = self._entry.close()
         self._begin_list()
-
-    def _end_typing(self) -> None:
-        if self._is_typing:
-            self._entry.display = False
-            self.screen.set_focus(None)

@@ -21,7 +21,7 @@ from console.session.station.state import ArmedCut, StationState
 from console.session.work import Work
 from console.text.along_length import stretch_words
 from console.text.catalogue import Catalogue
-from console.text.forces import short_span_words
+from console.text.job_words import short_span_words
 from console.text.part_sentences import force_words, tool_words
 from console.text.recorded_words import plain_cut_words
 from console.tui.lines import (

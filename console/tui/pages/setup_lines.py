@@ -10,8 +10,7 @@ from rich.cells import cell_len
 from console.session.cut.interlocks import of_lobe
 from console.session.work import Work, lobe_choices
 from console.text.catalogue import Catalogue
-from console.text.forces import span_ends
-from console.text.lobe import lobe_number
+from console.text.job_words import lobe_number, span_ends
 from console.tui.lines import (
     BLANK,
     NOTHING,

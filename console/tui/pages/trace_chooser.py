@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from textual.containers import Horizontal
-from textual.widgets import Input
 
 from console.session.data.kept_files import newest_files
 from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import CutPart, newest_part
 from console.session.data.trace_folder import FOLDER, trace_folder
-from console.session.errors import fault_problem
 from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart, read_gauge_file
 from console.session.learning.provenance import of_this_part
 from console.session.station.commands import TakeTrace
 from console.session.station.state import StationState
+from console.tui.entry import EntryLine
 from console.tui.keymap import RowKey
 from console.tui.lines import Line, Sheet, clip_lines, line, name_in
 from console.tui.pages.trace_lines import KEYS, Choice, fact_lines, file_lines, next_words
 from console.tui.records.background_reader import BackgroundReader, Problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
-from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
@@ -155,57 +153,6 @@ def read_change_date(path: Path) -> Changed:
     return status.st_mtime_ns, status.st_size
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Question:
-    """Files as they were when they were asked for, and what is known besides."""
-
-    chosen: Paths
-    changed: tuple[Changed, ...]
-    job: Job
-    answers: tuple[tuple[str, str], ...]
-    simulated: bool
-    lathe: str
-    run_id: str | None
-
-
-class _TraceReader:
-    """Read trace files beside the screen, one at a time; a large one takes seconds."""
-
-    def __init__(self, data: Path) -> None:
-        self._data = data
-        self._found: tuple[_Question, Found] | None = None
-        self._thread: threading.Thread | None = None
-
-    def answer(self, question: _Question) -> Found | None:
-        """Return what is known of a file, None while it is read."""
-        found = self._found
-        if found is not None and found[0] == question:
-            return found[1]
-        if self._thread is None or not self._thread.is_alive():
-            self._thread = threading.Thread(target=self._read, args=(question,), name="trace", daemon=True)
-            self._thread.start()
-        return None
-
-    def _read(self, question: _Question) -> None:
-        found: Found
-        try:
-            path, *others = question.chosen
-            read = read_gauge_file(
-                path,
-                question.job,
-                dict(question.answers),
-                simulated=question.simulated,
-                lathe=question.lathe,
-                others=tuple(others),
-            )
-            found = of_this_part(read, self._data, question.run_id)
-        except ProfileError as error:
-            found = tuple(error.problems)
-        except Exception as fault:  # in a thread of its own: nobody else would hear of it
-            found = (fault_problem(fault),)
-        self._found = question, found
-
-
 class TraceChooser(Horizontal):
     """The files on the left, the selected one on the right. Nothing of it moves anything."""
 
@@ -215,10 +162,7 @@ class TraceChooser(Horizontal):
         layers: base entry;
         #trace-files { width: 50%; height: 1fr; }
         #trace-facts { width: 1fr; height: 1fr; }
-        #trace-path {
-            layer: entry; position: absolute; display: none; width: 46%; height: 1; offset: 2 1;
-            background: $background; color: $foreground;
-        }
+        #trace-path { width: 46%; offset: 2 1; }
     }
     """
 
@@ -227,10 +171,8 @@ class TraceChooser(Horizontal):
         self._ui = ui
         self._files = Sheet(ui.palette, id="trace-files", classes="panel")
         self._facts = Sheet(ui.palette, id="trace-facts", classes="panel")
-        self._entry = Input(id="trace-path", compact=True, select_on_focus=False)
-        self._entry.cursor_blink = False
-        self._entry.max_length = TEXT_CAP_CHARACTERS
-        self._reader = _TraceReader(ui.data)
+        self._entry = EntryLine(id="trace-path")
+        self._reader: BackgroundReader[EvaluatedPart] = BackgroundReader(waits=False)
         self._listing = TraceListing(ui.data)
         self._typed: tuple[Path, ...] = ()
         self._checked: Path | None = None
@@ -239,7 +181,7 @@ class TraceChooser(Horizontal):
         self._shown: object = None
         self.display = False
 
-    def compose(self) -> list[Sheet | Input]:
+    def compose(self) -> list[Sheet | EntryLine]:
         """Return the panels."""
         return [self._files, self._facts, self._entry]
 
@@ -251,7 +193,7 @@ class TraceChooser(Horizontal):
     @property
     def is_typing(self) -> bool:
         """Whether a path is being typed."""
-        return bool(self._entry.display)
+        return self._entry.is_open
 
     def open(self) -> None:
         """Show the files as they are now: folder and record are read beside the screen."""
@@ -261,7 +203,7 @@ class TraceChooser(Horizontal):
 
     def close(self) -> None:
         """Show the page again."""
-        self._end_typing()
+        self._entry.close()
         self._choice = None
 
     @property
@@ -317,9 +259,7 @@ class TraceChooser(Horizontal):
 
     def type_path(self) -> None:
         """Open the entry of a path."""
-        self._entry.value = ""
-        self._entry.display = True
-        self.screen.set_focus(self._entry, scroll_visible=False)
+        self._entry.begin()
 
     def take(self) -> None:
         """Take the typed path among the files, or the selected trace for the part."""
@@ -350,8 +290,7 @@ class TraceChooser(Horizontal):
         choice, work = self._choice, self._ui.work
         if choice is None:
             return
-        if self.is_typing and self.screen.focused is not self._entry:
-            self.screen.set_focus(self._entry, scroll_visible=False)
+        self._entry.keep_focus()
         seen = self._with_files_of_now(choice)
         if seen is None:
             return
@@ -427,33 +366,25 @@ class TraceChooser(Horizontal):
         look = self._look
         if look is None or look.chosen != choice.chosen:
             return None  # it has just been selected
-        answers = tuple(sorted(choice.answers.items()))
-        lathe = state.lathe if state.cut_done else "" if look.part is None else look.part.lathe
-        return self._reader.answer(
-            _Question(
-                chosen=choice.chosen,
-                changed=look.changed,
-                job=job,
-                answers=answers,
-                simulated=state.simulated,
-                lathe=lathe,
-                run_id=None if look.part is None else look.part.run_id,
-            )
-        )
+        data, (path, *others), answers = self._ui.data, choice.chosen, dict(choice.answers)
+        simulated, part = state.simulated, look.part
+        lathe = state.lathe if state.cut_done else "" if part is None else part.lathe
+        run_id = None if part is None else part.run_id
+
+        def read() -> EvaluatedPart:
+            how: dict[str, Any] = {"simulated": simulated, "lathe": lathe, "others": tuple(others)}
+            return of_this_part(read_gauge_file(path, job, answers, **how), data, run_id)
+
+        asked = (choice.chosen, look.changed, job, tuple(sorted(answers.items())), simulated, lathe, run_id)
+        return self._reader.answer(asked, read)
 
     def _take_path(self, choice: Choice) -> None:
-        typed = self._entry.value.strip()
-        self._end_typing()
+        typed = self._entry.close()
         if not typed:
             return
         path = Path(typed).expanduser()
         self._checked = path if path.is_absolute() else choice.folder / path
         self._listing.check()
-
-    def _end_typing(self) -> None:
-        if self.is_typing:
-            self._entry.display = False
-            self.screen.set_focus(None)
 
     def _paint(self, choice: Choice) -> None:
         text, files, facts = self._ui.text, self._files.size, self._facts.size

@@ -13,10 +13,9 @@ import pytest
 
 from console.__main__ import main
 from console.school.instructing.client import Instructor
-from console.school.instructing.dispatcher import Dispatcher
+from console.school.instructing.dispatcher import CarryOut, Dispatcher
 from console.school.instructing.mailbox import Mailbox
 from console.school.instructing.order import LONGEST_LINE, OrderReply
-from console.school.instructing.order_execution import CarryOut
 from console.school.instructing.server import MOST_CLIENTS, InstructorServer
 from console.school.instructing.token import forget_token, keep_token, kept_token, new_token, token_path
 from console.session.errors import SessionError

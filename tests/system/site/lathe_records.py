@@ -13,7 +13,7 @@ from typing import Any
 
 from console.session.data.record_file import FILE_NAME
 from console.site.shop.identity import lathe_identity
-from console.site.shop.tables import SENT
+from console.site.shop.outbox import SENT
 from tests.console.test_run_reader import RUN, part
 from tests.site.shop_server import ShopServer
 
