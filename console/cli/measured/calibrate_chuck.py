@@ -26,6 +26,7 @@ from console.session.learning.chuck_calibrating import (
 from console.session.learning.evaluated_part import place_heights
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from drivers.cutting.strategy import UNCOMPENSATED
 from profiles.calibration.deflection import DeflectionFit
 from profiles.calibration.lobe import find_lobe
 from profiles.calibration.table import CalibrationKind, MeasuredTable, read_table
@@ -82,8 +83,10 @@ def calibrate_jaws(options: Namespace, text: Catalogue) -> int:
         content = read_regular_file(Path(file), cap_bytes=CAP_BYTES, area="trace")
         digest.update(content)
         strategy = strategy_of_trace(data, hashlib.sha256(content).hexdigest())
-        if strategy not in (None, "none"):
-            raise refusal_error("lobe.compensated", where=file, key="strategy", value=strategy, limit="none")
+        if strategy not in (None, UNCOMPENSATED):
+            raise refusal_error(
+                "lobe.compensated", where=file, key="strategy", value=strategy, limit=UNCOMPENSATED
+            )
         assumed |= strategy is None
     with naming(where):
         for section in read_sections([Path(file) for file in files]):
