@@ -11,10 +11,14 @@ from profiles.problem import Problem
 
 
 def problem_lines(
-    problems: Iterable[Problem], text: Catalogue, width: int, mark: Piece = ("! ", Token.WARNING)
+    problems: Iterable[Problem],
+    text: Catalogue,
+    width: int,
+    mark: Piece = ("! ", Token.WARNING),
+    token: Token = Token.TEXT,
 ) -> list[Line]:
-    """Return each problem with its sentence behind a mark."""
-    return [row for problem in problems for row in hanging(mark, text.problem(problem), width)]
+    """Return each problem with its sentence, of this token, behind a mark."""
+    return [row for problem in problems for row in hanging(mark, text.problem(problem), width, token)]
 
 
 def wrap_problems(problems: Iterable[Problem], text: Catalogue, width: int) -> list[Line]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -14,6 +14,7 @@ from console.text.catalogue import Catalogue
 from console.text.part_sentences import at_height, extraction_words, place_words
 from console.tui.lines import BLANK, NOTHING, Line, dim, fit_text, hanging, justify_line, line, name_in, wrap_line
 from console.tui.pages.learn_lines import part_words
+from console.tui.rows import problem_lines
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.metrology.cylindricity import MINIMUM_ZONE
@@ -92,7 +93,7 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     if found is None:
         return [*rows, BLANK, line(dim(text("trace_import.reading")))]
     if not isinstance(found, EvaluatedPart):
-        return [*rows, BLANK, *_problem_lines(found, text, width)]
+        return [*rows, BLANK, *problem_lines(found, text, width, token=Token.WARNING)]
     rows += [BLANK, _row(text("trace_import.points"), str(found.trace.angle_deg.size), width)]
     if len(filed := found.sections) > 1:
         first, last = (text.units.figure(filed[place].z_mm or 0.0, "mm", 1) for place in (0, -1))
@@ -106,7 +107,7 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
             rows.append(_row(text("trace_import.worst"), worst, width, Token.STRONG))
         cylt_um = found.whole.cylinder(MINIMUM_ZONE).cylt_um
         rows.append(_row("CYLt MZCY", text.units.show(cylt_um, "um", 2), width, Token.STRONG))
-    rows += _problem_lines((*found.problems, *_warnings(found)), text, width)
+    rows += problem_lines((*found.problems, *_warnings(found)), text, width, token=Token.WARNING)
     if found.whole is not None:
         for words in extraction_words(found.whole, found.trace.meta, text):
             rows += wrap_line(words, width, Token.DIM)
@@ -209,11 +210,3 @@ def _format_header_value(found: EvaluatedPart, key: str, text: Catalogue) -> str
 
 def _warnings(found: EvaluatedPart) -> tuple[Problem, ...]:
     return found.warnings if found.judged is None else (*found.judged.warnings, *found.warnings)
-
-
-def _problem_lines(problems: Sequence[Problem], text: Catalogue, width: int) -> list[Line]:
-    return [
-        row
-        for problem in problems
-        for row in hanging(("! ", Token.WARNING), text.problem(problem), width, Token.WARNING)
-    ]

@@ -43,6 +43,7 @@ from console.tui.records.background_reader import Problems
 from console.tui.records.list_lines import RunList, hidden_words, nothing_lines, run_lines, title_words
 from console.tui.records.reading import ListQuery, OpenedRuns, RunListing
 from console.tui.records.run_lines import jaw_harmonics, made_of, story_lines
+from console.tui.rows import problem_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 from console.units import Units
@@ -547,9 +548,7 @@ def trace_caption(run: OpenedRun, um_per_division: float, text: Catalogue, width
 
 
 def _problem_lines(problems: Problems, text: Catalogue, width: int) -> list[Line]:
-    lines: list[Line] = []
-    for problem in problems:
-        lines += hanging(("! ", Token.WARNING), text.problem(problem), width, Token.WARNING)
+    lines = problem_lines(problems, text, width, token=Token.WARNING)
     return [*lines, BLANK, *wrap_line(text("records_page.others_work"), width, Token.DIM)]
 
 

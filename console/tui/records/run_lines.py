@@ -26,6 +26,7 @@ from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wr
 from console.tui.pages.inspect_lines import FRONT_MULTIPLES, judged_line, roundness_facts
 from console.tui.pages.jobs_lines import job_lines
 from console.tui.pages.learn_lines import cut_words
+from console.tui.rows import problem_lines
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.forecast import forecast_um
@@ -94,9 +95,7 @@ def _damage_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
         lines += hanging(("! ", Token.WARNING), text("records.damaged", what=what), width, Token.WARNING)
     if run.story.complete is False:
         lines += hanging(("! ", Token.WARNING), text("records_page.incomplete"), width, Token.WARNING)
-    for problem in run.problems:
-        lines += hanging(("! ", Token.WARNING), text.problem(problem), width, Token.WARNING)
-    return lines
+    return lines + problem_lines(run.problems, text, width, token=Token.WARNING)
 
 
 def _cut_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
