@@ -225,6 +225,15 @@ def host_port(word: str) -> TcpAddress:
         return parse_host_port(word)
 
 
+def indicator_line(word: str) -> str:
+    """Return the line of an indicator as it was given; it can be parsed."""
+    from drivers.link.indicator import parse_indicator
+
+    with problems_as_usage():
+        parse_indicator(word)
+    return word
+
+
 def _plant(word: str) -> str:
     if word not in PLANTS and not word.endswith(".toml"):
         limit = " | ".join((*PLANTS, PLANT_FILE))
@@ -245,6 +254,7 @@ _SHARED: dict[str, dict[str, Any]] = {
     "machine": {"metavar": "NAME"},
     "link": {"metavar": "ADDRESS"},
     "trace": {"metavar": "FILE"},
+    "indicator": {"metavar": "LINE", "type": indicator_line},
     "plant": {"metavar": "PLANT", "type": _plant},
     "seed": {"metavar": "N", "type": _seed},
     "clamping-sd": {"metavar": "PERCENT", "type": _sd_percent},

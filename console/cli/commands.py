@@ -75,7 +75,7 @@ def build(text: Catalogue) -> Parser:
     parser.add_argument("--json", action="store_true", help=text("help.json"))
     parser.add_argument("--sim", action="store_true", help=text("help.screen"))
     _add_schooling(parser, text)
-    add_shared(parser, text, "machine", *LINK, "data", *PLANT, "lang", absent=None)
+    add_shared(parser, text, "machine", *LINK, "indicator", "data", *PLANT, "lang", absent=None)
     title = text("help.commands")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title=title, parser_class=_CommandParser)
     for name, module in COMMANDS.items():

@@ -8,7 +8,7 @@ from argparse import Namespace
 from console.session.configuration import Configuration, Setting, SettingOrigin
 from console.session.operator import VARIABLE
 
-OPTIONS = {"data": "data", "machine": "machine", "link": "link", "language": "lang"}
+OPTIONS = {"data": "data", "machine": "machine", "link": "link", "indicator": "indicator", "language": "lang"}
 """Option of each key that has one; the language was chosen before the parser existed."""
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SITE_FILE = Path("/etc/trilobe/config.toml")
 PREFIX = "TRILOBE_"
-KEYS = ("data", "machine", "link", "language", "operator", *CHOICES, "keys")
+KEYS = ("data", "machine", "link", "indicator", "language", "operator", *CHOICES, "keys")
 OTHER_VARIABLES = ("TRILOBE_TRACEBACK", "TRILOBE_MQTT_USER", "TRILOBE_MQTT_PASSWORD", "TRILOBE_INSTRUCT_TOKEN")
 """Variables of ours that are no settings."""
 
@@ -176,6 +176,7 @@ def _fields() -> tuple[Field, ...]:
         Field(key="data", kind=FieldType.TEXT, optional=True, longest=LONGEST_PATH),
         Field(key="machine", kind=FieldType.TEXT, optional=True, longest=LONGEST_PATH),
         Field(key="link", kind=FieldType.TEXT, optional=True, longest=LONGEST_PATH),
+        Field(key="indicator", kind=FieldType.TEXT, optional=True, longest=LONGEST_PATH),
         Field(key="language", kind=FieldType.CHOICE, choices=tuple(LANGUAGES), optional=True),
         Field(key="operator", kind=FieldType.TEXT, optional=True),
         *(Field(key=key, kind=FieldType.CHOICE, choices=each, optional=True) for key, each in CHOICES.items()),
@@ -209,11 +210,16 @@ def _fault(key: str, value: str) -> Problem | None:
         return Problem(code="config.relative_path", value=spell_toml(value))
     if key == "keys" and (entry := fault_in_keys(value)):
         return Problem(code="config.bad_key", value=spell_toml(entry))
-    if key == "link":
-        from drivers.link.address import parse_address
-
+    if key in ("link", "indicator"):
         try:
-            parse_address(value)
+            if key == "link":
+                from drivers.link.address import parse_address
+
+                parse_address(value)
+            else:
+                from drivers.link.indicator import parse_indicator
+
+                parse_indicator(value)
         except ProblemError as error:
             return error.problems[0]
     return None

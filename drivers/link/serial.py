@@ -1,4 +1,4 @@
-"""A link over a serial line: 8 data bits, no parity, one stop bit, no flow control.
+"""A link over a serial line: 8 data bits, no parity, one stop bit unless stated, no flow control.
 
 Without flow control only the line speed delays a stop. Data is therefore written in small portions, no faster than
 the line transmits: a stop cannot overtake what the system and the adapter have already accepted.
@@ -19,6 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import serial
@@ -56,6 +57,18 @@ _TCGETS2, _TERMIOS2 = 0x802C_542A, struct.Struct("4IB19s2I")
 _PSEUDO_TERMINALS = range(136, 144)  # major device numbers
 
 
+@dataclass(frozen=True, slots=True)
+class Framing:
+    """The bits of a character on the line; a wrong parity is received as the byte 0."""
+
+    bits: int = 8
+    parity: str = serial.PARITY_NONE
+    stop_bits: int = 1
+
+
+EIGHT_BITS = Framing()
+
+
 class LinePace:
     """Computes from the line speed what has been transmitted; buffers on the way need not be known."""
 
@@ -84,15 +97,23 @@ class LinePace:
         self._clear_at_s = max(self._clear_at_s, now_s) + count * self._character_s
 
 
-def open_line(address: SerialAddress) -> serial.Serial:
-    """Open the device: 8 data bits, no parity, one stop bit, no flow control.
+def open_line(address: SerialAddress, framing: Framing = EIGHT_BITS) -> serial.Serial:
+    """Open the device, without flow control.
 
     Raises:
         LinkError: `link.no_device`, `link.no_permission`, `link.owner_only`, `link.busy`, `link.not_serial`,
             `link.baud`, `link.failed`.
     """
     try:
-        line = serial.Serial(address.device, address.baud_rate, timeout=0, exclusive=True)
+        line = serial.Serial(
+            address.device,
+            address.baud_rate,
+            framing.bits,
+            framing.parity,
+            framing.stop_bits,
+            timeout=0,
+            exclusive=True,
+        )
     except ValueError as error:
         raise _problem(address, "link.baud", value=str(address.baud_rate)) from error
     except OSError as error:
@@ -100,6 +121,8 @@ def open_line(address: SerialAddress) -> serial.Serial:
     try:
         _check_speed(address, line.fileno())
         _keep_others_out(line.fileno())
+        if framing.parity != serial.PARITY_NONE:
+            _check_parity(line.fileno())
     except BaseException:
         line.close()
         raise
@@ -131,6 +154,13 @@ def _keep_others_out(line: int) -> None:
     if os.major(os.fstat(line).st_rdev) not in _PSEUDO_TERMINALS:
         with suppress(OSError):
             fcntl.ioctl(line, termios.TIOCEXCL)
+
+
+def _check_parity(line: int) -> None:
+    """Have the system check the parity that it receives, which pyserial leaves off."""
+    settings = termios.tcgetattr(line)
+    settings[0] = (settings[0] | termios.INPCK) & ~(termios.IGNPAR | termios.PARMRK)
+    termios.tcsetattr(line, termios.TCSANOW, settings)
 
 
 def _refusal(address: SerialAddress, error: OSError) -> LinkError:
@@ -189,13 +219,13 @@ class SerialLink:
     stop_way = StopWay.DIRECT
     checks_bytes = False
 
-    def __init__(self, address: SerialAddress) -> None:
+    def __init__(self, address: SerialAddress, framing: Framing = EIGHT_BITS) -> None:
         """Open the device; errors as for `open_line`."""
         self.address = str(address)
         self._pace = LinePace(address.baud_rate)
         # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not block.
         self._handing = threading.RLock()
-        self._line = open_line(address)
+        self._line = open_line(address, framing)
 
     def send(self, data: bytes) -> None:
         """Send bytes in order, queueing no more than a stop may have to wait for.

@@ -130,11 +130,12 @@ def test_the_command_line_beats_the_file_and_config_shows_from_where(console: Co
     assert settings["link"]["value"] is None and "tcp:lathe:1025" in said.json["notes"][0]
     assert settings["operator"]["value"] == pwd.getpwuid(os.getuid()).pw_name
     lines = console("config").out.splitlines()
-    assert [line.split()[0] for line in lines[:6]] == [
+    assert [line.split()[0] for line in lines[:7]] == [
         "setting",
         "data",
         "machine",
         "link",
+        "indicator",
         "language",
         "operator",
     ]
@@ -171,7 +172,7 @@ def test_sim_simulates_whatever_link_is_configured(console: Console, own: Path, 
     monkeypatch.setattr(SimulatorProcess, "start", starts)
     assert (console("--sim", "doctor").code, len(started)) == (1, 1)
     assert "does not count with --sim" in console("--sim", "config").out
-    options = Namespace(data=None, machine=None, link=None, lang=None, sim=True)
+    options = Namespace(data=None, machine=None, link=None, indicator=None, lang=None, sim=True)
     fill_in(options, read_configuration(os.environ, own))
     assert (options.machine, options.link) == (OTHER, None)
 

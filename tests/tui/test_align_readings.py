@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from console.session.configuration import Configuration, Setting, SettingOrigin
 from console.session.cut.alignment import Alignment
 from console.session.station.commands import (
     Command,
@@ -26,9 +27,12 @@ from console.tui.align.entry_context import EntryContext, EntryKind
 from console.tui.pages.align import AlignPage
 from console.units import Units
 from drivers.simulator.plant.workshop_view import WorkshopView
+from tests.played_indicator import Instrument, instrument
 from tests.tui.align_stage import NO_JAW, OFF, VALID, look, shown, state, words_of
 from tests.tui.page_stage import PageScene, on_page, run_apart
 from tests.tui.stage import JAW, LANGUAGES, experiment
+
+__all__ = ["instrument"]
 
 SIX = (352.0, 8.0, 352.1, 8.1, 351.9, 7.9)
 TOUCHING = state(replace(NO_JAW, jaw=JAW), snapshot=look(carriage_mm=172.0))
@@ -203,6 +207,72 @@ def test_readings_of_a_dial_in_inches_are_typed_and_shown_in_millionths_of_an_in
     (taken,) = [each for each in orders if isinstance(each, TakeFingerprint)]
     assert taken.readings is not None and taken.readings.graduation_um == 2.54
     assert taken.readings.finger_um == pytest.approx((7.62,) * 12)
+
+
+def read_by_line(line: str | None, *keys: str, units: str = "mm") -> tuple[str, str, list[str]]:
+    """Press keys with an indicator on a line, wait for each reading; return the page, the entry and the codes."""
+
+    async def run() -> tuple[str, str, list[str]]:
+        async with on_page(AlignScene, Path("/nowhere"), work=experiment(), state=CLAMPED) as stage:
+            stage.ui.text._measure_in(Units(units))
+            given = {} if line is None else {"indicator": Setting(value=line, origin=SettingOrigin.OPTION)}
+            stage.ui.configuration = Configuration(settings=given, files={})
+            for key in keys:
+                await (stage.act(key) if key.startswith("align.") else stage.type(key))
+                while stage.page._ask._errand.running:  # type: ignore[attr-defined]
+                    await stage.pilot.pause()
+                await stage.show()
+            entry = stage.page._entry.value  # type: ignore[attr-defined]
+            return stage.text, entry, stage.codes
+
+    return run_apart(run)
+
+
+IN_THE_ENTRY = ("align.clamping", "8", "align.take")
+
+
+@pytest.mark.parametrize(("units", "shown"), [("mm", "+42.10"), ("inch", "+1657.5")])
+def test_i_reads_a_digital_indicator_into_the_field(instrument: Instrument, units: str, shown: str) -> None:
+    """0.0421 mm are 42.1 um, or 1657.5 millionths of an inch; Enter takes them as if they were typed."""
+    instrument.replies[b"?\r"] = b"+0.0421\r"
+    line = f"{instrument.device}:opto-mm"
+    text, entry, codes = read_by_line(line, *IN_THE_ENTRY, "align.flank", units=units)
+    assert codes == [] and "i reads the indicator" in text
+    assert float(entry) == pytest.approx(float(shown), abs=0.05)
+    text, entry, codes = read_by_line(line, *IN_THE_ENTRY, "align.flank", "align.take", units=units)
+    assert codes == [] and entry == "" and "place 2 of 8" in text
+
+
+def test_what_is_no_reading_leaves_the_field_empty_and_says_why(instrument: Instrument) -> None:
+    instrument.replies[b"?\r"] = b"ERR0\r"
+    text, entry, codes = read_by_line(f"{instrument.device}:opto-mm", *IN_THE_ENTRY, "align.flank")
+    assert (entry, codes) == ("", ["indicator.error"]) and "place 1 of 8" in text
+
+
+def test_without_a_line_or_before_the_readings_i_reads_nothing() -> None:
+    assert read_by_line(None, *IN_THE_ENTRY, "align.flank")[1:] == ("", ["screen.no_indicator_line"])
+    assert read_by_line("/dev/null:opto-mm", "align.clamping", "align.flank")[2] == ["screen.no_flank_now"]
+    assert read_by_line("/dev/null:opto-mm", *IN_THE_ENTRY, "align.flank")[1:] == ("", ["link.not_serial"])
+
+
+def test_readings_of_an_indicator_with_a_coarse_last_digit_count_for_no_more(instrument: Instrument) -> None:
+    instrument.replies[b"1\r"] = b"01A+00000.01\r"
+    keys = [key for _ in range(16) for key in ("align.flank", "align.take")]
+
+    async def run() -> Sequence[Command]:
+        async with on_page(AlignScene, Path("/nowhere"), work=experiment(), state=CLAMPED) as stage:
+            line = Setting(value=f"{instrument.device}:mux10-mm", origin=SettingOrigin.OPTION)
+            stage.ui.configuration = Configuration(settings={"indicator": line}, files={})
+            for key in (*IN_THE_ENTRY, *keys, "align.take"):
+                await (stage.act(key) if key.startswith("align.") else stage.type(key))
+                while stage.page._ask._errand.running:  # type: ignore[attr-defined]
+                    await stage.pilot.pause()
+                await stage.show()
+            return stage.control.orders
+
+    (taken,) = [each for each in run_apart(run) if isinstance(each, TakeFingerprint)]
+    assert taken.readings is not None and taken.readings.graduation_um == 10.0
+    assert taken.readings.finger_um == (10.0,) * 8
 
 
 @pytest.mark.parametrize(("jaws", "least", "both"), [(2, 6, 6), (3, 6, 7), (4, 8, 9), (6, 12, 13)])

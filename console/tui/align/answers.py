@@ -325,4 +325,6 @@ def asked_lines(text: Catalogue, question: EntryContext, width: int, height: int
     for problem in interpret_entry(question).problems:
         rows += hanging(("✗ ", Token.WARNING), text.problem(name_field(problem, text)), width)
     hint = wrap_line(text(f"align_page.{keys}_keys"), width, Token.DIM)
+    if question.reads_itself and question.asked is EntryKind.READING:
+        hint = [*wrap_line(text("align_page.reads_itself"), width), *hint]
     return first_fitting(height, text("panel.more"), [*rows, BLANK, *hint], [*rows, *hint])

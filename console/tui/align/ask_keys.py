@@ -5,6 +5,9 @@ The entry lies over the panel that says how the number is understood.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 from console.session.station.commands import Indicate, NoteSkim, TakeFingerprint, TakeTouchOff
 from console.session.station.state import StationState
 from console.tui.align.align_jog import JOGS, JogKeys
@@ -18,9 +21,13 @@ from console.tui.align.entry_context import (
     EntryKind,
     EntryValue,
 )
+from console.tui.controller.errand import Errand
 from console.tui.entry import EntryLine
 from console.tui.ui_context import KEYS, UiContext, View, refusal
 from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from drivers.link.indicator import IndicatorReading
 
 TARGETS, FORCES, DIAMETER = (EntryKind.Z, EntryKind.C), (EntryKind.TORQUE, EntryKind.FORCE), (EntryKind.DIAMETER,)
 """What one key asks for, one after the other."""
@@ -64,6 +71,7 @@ class AskKeys:
     def __init__(self, ui: UiContext, entry: AlignEntry, jog: JogKeys) -> None:
         self.ui, self._entry, self._jog = ui, entry, jog
         self._clamp = ClampTyping()
+        self._errand: Errand[tuple[ClampTyping, IndicatorReading]] = Errand()
 
     @property
     def entry_kind(self) -> EntryKind:
@@ -75,6 +83,11 @@ class AskKeys:
         """Whether a number is asked for."""
         return self._entry.asked is not EntryKind.NOTHING
 
+    @property
+    def asks_readings(self) -> bool:
+        """Whether readings of an indicator on the part are asked for."""
+        return self.entry_kind in CLAMPING
+
     def question(self, view: View) -> EntryContext:
         """Return what the entry is judged by."""
         return EntryContext(
@@ -85,7 +98,13 @@ class AskKeys:
             machine=self.ui.machine.machine,
             units=self.ui.text.units,
             clamp=self._clamp,
+            reads_itself=self._indicator is not None,
         )
+
+    @property
+    def _indicator(self) -> str | None:
+        """The line of the indicator that reads itself, None without one."""
+        return None if self.ui.configuration is None else self.ui.configuration.value("indicator")
 
     def keep(self, state: StationState) -> None:
         """Keep the keys in the entry; close it where the machine takes no command any more."""
@@ -93,10 +112,12 @@ class AskKeys:
         at = "" if clamping is None else clamping.at
         if at != self._clamp.at:  # what was typed is of a clamping that is no more
             self._clamp = ClampTyping(at=at)
-            if self.entry_kind in CLAMPING:
+            if self.asks_readings:
                 self.close()
         if self.is_open and refusal(state, "align.goto"):
             self.close()
+        if self._errand.has_news:
+            self._show_read()
         self._entry.keep_focus()
 
     def close(self) -> None:
@@ -112,10 +133,12 @@ class AskKeys:
                 self._step(FORCES)
             case "align.skim":
                 self._skim(view)
-            case "align.clamping" if self.entry_kind in CLAMPING:
+            case "align.clamping" if self.asks_readings:
                 self.close()
             case "align.clamping":
                 self._ask_clamp()
+            case "align.flank":
+                self._read()
 
     def _step(self, order: tuple[EntryKind, ...]) -> None:
         """Ask for the first of these, then for the next one, then for nothing."""
@@ -130,8 +153,10 @@ class AskKeys:
         if action == "align.go":
             return self._against_go(view)
         if self.is_open and action in _NOT_MEANWHILE:
-            closing = KEYS["align.clamping" if self.entry_kind in CLAMPING else "align.goto"]
+            closing = KEYS["align.clamping" if self.asks_readings else "align.goto"]
             return (Problem(code="screen.entry_open", key=KEYS[action], value=closing),)
+        if self.asks_readings and action == "align.flank":
+            return self._against_reading()
         if not self.is_open or action != "align.take":
             return ()
         if self.entry_kind in TARGETS:
@@ -153,7 +178,7 @@ class AskKeys:
 
     def drop(self) -> bool:
         """Drop the last reading that was typed, if readings are asked for; return whether they are."""
-        if self.entry_kind not in CLAMPING:
+        if not self.asks_readings:
             return False
         self._clamp = self._clamp.drop_last()
         self._ask_clamp()
@@ -166,6 +191,33 @@ class AskKeys:
             EntryKind.INDICATED if typing.complete else EntryKind.READING if typing.places else EntryKind.PLACES
         )
         self._entry.open(asked)
+
+    def _against_reading(self) -> tuple[Problem, ...]:
+        """Return why the indicator cannot be read into the entry now."""
+        if self.entry_kind is not EntryKind.READING:
+            return (Problem(code="screen.no_flank_now"),)
+        if self._indicator is None:
+            return (Problem(code="screen.no_indicator_line"),)
+        return (Problem(code="screen.indicator_read"),) if self._errand.running else ()
+
+    def _read(self) -> None:
+        """Ask the indicator for a reading, in a thread of its own: an instrument may take seconds."""
+        from drivers.link.indicator import parse_indicator, read_indicator
+
+        with self.ui.answering():
+            line, typing = parse_indicator(self._indicator or ""), self._clamp
+            self._entry.value = ""
+            self._errand.start(None, lambda: (typing, read_indicator(line)))
+
+    def _show_read(self) -> None:
+        """Show in the entry what the indicator has read, if that reading is still asked for; or why nothing."""
+        if self._errand.problems or self._errand.found is None:
+            self.ui.key_answer = self._errand.problems
+            return
+        typing, read = self._errand.found
+        if typing is self._clamp and self.entry_kind is EntryKind.READING and not self._entry.value:
+            self._clamp = replace(typing, last_digit_um=max(typing.last_digit_um, read.resolution_um))
+            self._entry.value = self.ui.text.units.figure(read.value_um, "um", 2, "+z")
 
     def _take_clamp(self, view: View, value: float | None) -> None:
         """Take a number of places, a reading, or all of them."""

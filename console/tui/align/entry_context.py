@@ -62,11 +62,15 @@ UNITS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClampTyping:
-    """What was typed so far for the clamping that was made `at`: places, and readings, um, finger-tight first."""
+    """What was typed so far for the clamping that was made `at`: places, and readings, um, finger-tight first.
+
+    `last_digit_um` is that of a digital indicator which has read itself, 0 of none.
+    """
 
     at: str = ""
     places: int = 0
     values: tuple[float, ...] = ()
+    last_digit_um: float = 0.0
 
     @property
     def complete(self) -> bool:
@@ -105,7 +109,7 @@ class ClampTyping:
             finger_um=self.values[: self.places],
             full_um=self.values[self.places :],
             from_jaw_1=True,
-            graduation_um=INCH_GRADUATION_UM if inch else GRADUATION_UM,
+            graduation_um=max(INCH_GRADUATION_UM if inch else GRADUATION_UM, self.last_digit_um),
             simulated=simulated,
         )
 
@@ -115,7 +119,10 @@ NOTHING_TYPED = ClampTyping()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EntryContext:
-    """What an entry is judged by; `units` are those in which it is typed, `clamp` readings typed before it."""
+    """What an entry is judged by; `units` are those in which it is typed, `clamp` readings typed before it.
+
+    `reads_itself`: there is a digital indicator on a serial line.
+    """
 
     asked: EntryKind
     typed: str
@@ -124,6 +131,7 @@ class EntryContext:
     machine: MachineProfile
     units: Units = METRIC
     clamp: ClampTyping = NOTHING_TYPED
+    reads_itself: bool = False
 
     @property
     def alignment(self) -> Alignment:

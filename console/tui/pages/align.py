@@ -355,8 +355,10 @@ class AlignPage(Page):
             self._ask.ask(key, self.ui.view)
 
     def _take_flank(self, key: str) -> None:
-        """Take a flank of jaw 1 at the indicator (i). Nothing moves."""
-        if not self.ui.answers(self.why_not(key, self.ui.view)):
+        """Take a flank of jaw 1 at the indicator (i), or its reading into the entry. Nothing moves."""
+        if self._ask.asks_readings:
+            self._ask.ask(key, self.ui.view)
+        elif not self.ui.answers(self.why_not(key, self.ui.view)):
             self.ui.control.post(commands.TakeFlank())
 
     def _show_asked(self, view: View) -> None:
