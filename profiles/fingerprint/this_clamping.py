@@ -19,7 +19,7 @@ from profiles.chucking.ring import Ring, is_thin, spring_back_um_pp
 from profiles.compensations.learning import SIGNIFICANT, SURE, coefficient_of
 from profiles.compensations.optimal_gain import PRIOR_OTHERS_UM, PROCESS_LOSS_SD
 from profiles.compensations.path import CutPath
-from profiles.fingerprint.deflection import ONCE, OVAL, Deflection, deflection_of
+from profiles.fingerprint.deflection import ONCE, OVAL, SUPPOSED_SD_UM, Deflection, deflection_of
 from profiles.fingerprint.lobe_filter import ClampingScale, LobeFilter, MeasuredCoefficient, lobe_filter
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
@@ -118,6 +118,13 @@ def evaluate_readings(readings: ClampReadings, job: Job) -> ClampingFingerprint:
         deflection=shown,
         others={n: each for n, each in found.items() if n != ONCE},
     )
+
+
+def expected_reading(known: LobeFilter, job: Job, places: int) -> MeasuredCoefficient:
+    """Return what an indicator of 1 um at so many places, evenly round the part, most likely shows of a lobe."""
+    value, blank = known.scale.at_rest * known.lobe_um, (1.0 - FINGER_FRACTION) * blank_over_part(job)
+    of_dial_um = SUPPOSED_SD_UM * math.sqrt(2.0 / places) / blank
+    return MeasuredCoefficient(value=value, sd_um=math.hypot(of_dial_um, FINGER_SD * abs(value)))
 
 
 def blank_over_part(job: Job) -> float:

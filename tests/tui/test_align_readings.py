@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -27,6 +28,7 @@ from console.tui.align.entry_context import EntryContext, EntryKind
 from console.tui.pages.align import AlignPage
 from console.units import Units
 from drivers.simulator.plant.workshop_view import WorkshopView
+from tests.console.guide.test_fingerprint_offer import after_a_part
 from tests.played_indicator import Instrument, instrument
 from tests.tui.align_stage import NO_JAW, OFF, VALID, look, shown, state, words_of
 from tests.tui.page_stage import PageScene, on_page, run_apart
@@ -273,6 +275,18 @@ def test_readings_of_an_indicator_with_a_coarse_last_digit_count_for_no_more(ins
     (taken,) = [each for each in run_apart(run) if isinstance(each, TakeFingerprint)]
     assert taken.readings is not None and taken.readings.graduation_um == 10.0
     assert taken.readings.finger_um == (10.0,) * 8
+
+
+@pytest.mark.parametrize(("size", "language"), [((80, 24), "en"), ((80, 24), "ko"), ((160, 48), "en")])
+def test_a_fingerprint_is_offered_with_its_time_and_gain_where_it_is_worth_it(
+    size: tuple[int, int], language: str
+) -> None:
+    for now in (CLAMPED, state(replace(VALID, readings=None))):
+        page = shown(now, work=after_a_part(), size=size, language=language)
+        offered = re.search(r"n: .*?(\d)\s?(?:min|분).*?±(\d+\.\d) → ±(\d+\.\d) um", words_of(page.text))
+        assert offered is not None, page.text
+        assert offered[1] == "4" and float(offered[3]) < float(offered[2])
+        assert " → ±" not in shown(now, size=size, language=language).text, "nothing is known yet"
 
 
 @pytest.mark.parametrize(("jaws", "least", "both"), [(2, 6, 6), (3, 6, 7), (4, 8, 9), (6, 12, 13)])

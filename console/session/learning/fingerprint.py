@@ -32,6 +32,7 @@ from profiles.fingerprint.this_clamping import (
     clamped_orders,
     clamped_path,
     evaluate_readings,
+    expected_reading,
     known_lobe,
     ratio_of,
     warn_of_surprise,
@@ -159,6 +160,18 @@ def expected_of(
     """
     known = _replay_history(job, machine, () if learned is None else (learned,)).predict_clamping(REPEATS_SD_UM)
     return warn_of_surprise(known, evaluate_readings(readings, job), job.jaws)
+
+
+def lobe_sd_um(
+    job: Job, machine: MachineProfile, learned: LearnedCompensation | None, places: int
+) -> tuple[float, float]:
+    """Return how well the lobe of the next part is known, without and with a fingerprint of so many places.
+
+    Both are standard deviations of its amplitude, um.
+    """
+    history = () if learned is None else (learned,)
+    known = _replay_history(job, machine, history).predict_clamping(REPEATS_SD_UM)
+    return known.sd_um, known.update_by_fingerprint(expected_reading(known, job, places)).sd_um
 
 
 def ratio_read(read: ClampingReading, lobes: int) -> complex:

@@ -186,11 +186,29 @@ def is_valid(alignment: Alignment, job: Job | None) -> bool:
     return job is not None and not problems(alignment, job)
 
 
-def why_lines(text: Catalogue, now: Situation, width: int, height: int | None) -> list[Line]:
-    """Return what to do now and why the alignment is not valid, or what it rests on when it is."""
+def why_lines(
+    text: Catalogue, now: Situation, width: int, height: int | None, *, reads_itself: bool = False
+) -> list[Line]:
+    """Return what to do now and why the alignment is not valid, or what it rests on when it is.
+
+    `reads_itself`: there is a digital indicator on a serial line, which makes a fingerprint shorter.
+    """
+    offer = [] if waiting(now.state) else _offer_lines(text, now, width, reads_itself=reads_itself)
     if is_valid(now.state.alignment, now.job) and waiting(now.state) not in _NO_ADVICE:
-        return _stamps(text, now, width, height)
-    return clip_lines(_missing(text, now, width), height, text("panel.more"))
+        return _stamps(text, now, offer, width, height)
+    return clip_lines([*offer, *_missing(text, now, width)], height, text("panel.more"))
+
+
+def _offer_lines(text: Catalogue, now: Situation, width: int, *, reads_itself: bool) -> list[Line]:
+    """Return what a fingerprint of this clamping costs and gains, where it is worth it."""
+    from console.session.guide.fingerprint_offer import fingerprint_offer
+
+    offer = fingerprint_offer(now)
+    if offer is None:
+        return []
+    before, after = (text.units.figure(um, "um", 1) for um in (offer.now_um, offer.then_um))
+    minutes = f"{offer.minutes(reads_itself=reads_itself):.0f}"
+    return wrap_line(text("align_page.offer", minutes=minutes, before=before, after=after), width, Token.ACTION)
 
 
 def flank_lines(text: Catalogue, alignment: Alignment, job: Job, width: int) -> list[Line]:
@@ -254,9 +272,9 @@ def hint(text: Catalogue, now: Situation, job: Job) -> str:
     )
 
 
-def _stamps(text: Catalogue, now: Situation, width: int, height: int | None) -> list[Line]:
+def _stamps(text: Catalogue, now: Situation, offer: list[Line], width: int, height: int | None) -> list[Line]:
     """Return what the alignment rests on; in little room the blank rows go first, then how to undo."""
-    head = _all_taken(text, now, width)
+    head = [*_all_taken(text, now, width), *offer]
     facts = _facts(text, now.state.alignment, min(width, WIDEST_STAMP))
     back = wrap_line(text("align_page.back"), width)
     roomy, close = [*head, BLANK, *facts, BLANK, *back], [*head, *facts, *back]

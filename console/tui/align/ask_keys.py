@@ -98,8 +98,13 @@ class AskKeys:
             machine=self.ui.machine.machine,
             units=self.ui.text.units,
             clamp=self._clamp,
-            reads_itself=self._indicator is not None,
+            reads_itself=self.reads_itself,
         )
+
+    @property
+    def reads_itself(self) -> bool:
+        """Whether there is a digital indicator on a serial line."""
+        return self._indicator is not None
 
     @property
     def _indicator(self) -> str | None:

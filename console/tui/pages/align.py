@@ -240,7 +240,7 @@ class AlignPage(Page):
         text, state = self.ui.text, view.state
         if self._ask.is_open:
             return asked_lines(text, self._ask.question(view), width, None)
-        why = align_lines.why_lines(text, self._present_situation(view), width, None)
+        why = self._why_lines(view, width, None)
         return [*why, BLANK, *jog_lines(text, self._jog.view(state, view.now_s), width, None)]
 
     def note_action(self, action: str | None) -> None:
@@ -340,14 +340,18 @@ class AlignPage(Page):
     def _show_why(self, view: View, seen: JawSeen | None, jaws: int) -> None:
         """Show what to do and what is missing, with the chuck where there is room; for jaw 1 before the rest."""
         text, now, (width, height) = self.ui.text, self._present_situation(view), self._why.size
-        rows = align_lines.why_lines(text, now, width, None)
+        rows = self._why_lines(view, width, None)
         first = now.step is AlignStep.JAW
         room = PICTURE_ROWS if first and height > 2 * PICTURE_ROWS else height - len(rows)
         picture = picture_lines(text, seen, jaws, room, width)
         shown, left = rows, height - len(picture)
         if len(rows) > left:
-            shown = align_lines.why_lines(text, now, width, left)
+            shown = self._why_lines(view, width, left)
         self._why.show([*picture, *shown], self._why_title(view.state, view.job))
+
+    def _why_lines(self, view: View, width: int, height: int | None) -> list[Line]:
+        now = self._present_situation(view)
+        return align_lines.why_lines(self.ui.text, now, width, height, reads_itself=self._ask.reads_itself)
 
     def _ask_number(self, key: str) -> None:
         """Ask for a number: a target (g), a force (f), the skim diameter (m), indicator readings (n)."""
