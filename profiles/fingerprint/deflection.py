@@ -63,7 +63,7 @@ def deflection_of(readings: ClampReadings, job: Job) -> Deflection:
 
     Raises `ProfileError`: `clamping.dependent`, the places do not show the lobe.
     """
-    angle = _spindle_rad(readings, job)
+    angle = spindle_rad(readings, job)
     sign = -1.0 if readings.inward else 1.0
     sprung_um = -sign * (floats(readings.full_um) - floats(readings.finger_um))
     lobes, places = job.jaws, readings.places
@@ -98,7 +98,7 @@ def _build_deflection(
     readings: ClampReadings, columns: Floats, sprung_um: Floats, orders: Sequence[int], places: int
 ) -> Deflection:
     found = fit(columns, sprung_um)
-    sd_um, freedom = _reading_sd_um(readings, found.residuals, found.freedom)
+    sd_um, freedom = reading_sd_um(readings, found.residuals, found.freedom)
     per_order = [found.cofactors[1 + 2 * k : 3 + 2 * k, 1 + 2 * k : 3 + 2 * k] for k in range(len(orders))]
     return Deflection(
         coefficients_um=phasors(found.coefficients, orders),
@@ -118,7 +118,7 @@ def _upright(readings: ClampReadings, angle: Floats, sprung_um: Floats, job: Job
     if found.condition > STEADY or oval > MOST_OVAL:
         value, limit = f"{job.jaws}/rev", f">= {places_needed(job.jaws)}"
         raise ProfileError(Problem(code="clamping.dependent", key=str(readings.places), value=value, limit=limit))
-    sd_um, freedom = _reading_sd_um(readings, found.residuals, found.freedom)
+    sd_um, freedom = reading_sd_um(readings, found.residuals, found.freedom)
     there = np.exp(-1j * job.jaws * math.radians(job.lobe_phase_deg))
     return Deflection(
         coefficients_um={job.jaws: complex(float(found.coefficients[3]) * there)},
@@ -130,12 +130,13 @@ def _upright(readings: ClampReadings, angle: Floats, sprung_um: Floats, job: Job
     )
 
 
-def _spindle_rad(readings: ClampReadings, job: Job) -> Floats:
+def spindle_rad(readings: ClampReadings, job: Job) -> Floats:
+    """Return the spindle angles of the readings; `job` has jaw 1 where it is."""
     turned = (-1.0 if readings.against else 1.0) * floats(readings.angle_deg)
     return np.radians(turned + (job.jaw_1_deg if readings.from_jaw_1 else 0.0))
 
 
-def _reading_sd_um(readings: ClampReadings, residuals: Floats, freedom: int) -> tuple[float, float]:
+def reading_sd_um(readings: ClampReadings, residuals: Floats, freedom: int) -> tuple[float, float]:
     """Return the standard deviation of a difference, from what is known of the dial and from the residuals."""
     graduation = readings.graduation_um
     supposed = SUPPOSED_SD_UM if graduation is None else REPEATS * math.sqrt(2.0) * graduation

@@ -81,7 +81,7 @@ def _judge(options: Namespace, text: Catalogue) -> None:
     from console.cli.measured.fingerprint_source import requested_fingerprint
     from console.cli.output import show, tell
     from console.session.data.calibrated_chuck import apply_calibrations
-    from console.text.part_sentences import deflection_lines, fingerprint_fields, fingerprint_line
+    from console.text.part_sentences import blank_lines, deflection_lines, fingerprint_fields, fingerprint_line
     from drivers.cutting.strategy import Strategy
 
     job, machine = (
@@ -94,5 +94,9 @@ def _judge(options: Namespace, text: Catalogue) -> None:
     show(
         options,
         lambda: {**fingerprint_fields(found, job.jaws), "warnings": warnings},
-        lambda: [*deflection_lines(found.felt.deflection, text), fingerprint_line(found, text)],
+        lambda: [
+            *deflection_lines(found.felt.deflection, text),
+            fingerprint_line(found, text),
+            *blank_lines(found.blank, text),
+        ],
     )

@@ -23,6 +23,7 @@ from profiles.compensations.next_version import AppliedPath
 from profiles.compensations.optimal_gain import PRIOR_DEG, PRIOR_FRACTION
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath, PathHarmonic, free_state_lobe
+from profiles.fingerprint.blank_form import BlankOval, blank_oval
 from profiles.fingerprint.lobe_filter import LobeFilter, MeasuredCoefficient
 from profiles.fingerprint.readings import ClampReadings
 from profiles.fingerprint.this_clamping import (
@@ -52,12 +53,16 @@ _MADE = re.compile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FingerprintedCut:
-    """A cut with the fingerprint of its clamping: its path, what was found, and the line that says so."""
+    """A cut with the fingerprint of its clamping: its path, what was found, and the line that says so.
+
+    `blank` is the oval of the blank itself, which no path has: the readings alone show it.
+    """
 
     path: CutPath
     clamped: ClampingCorrection
     felt: ClampingFingerprint
     made: str
+    blank: BlankOval | None = None
 
 
 def refuse_unusable(strategy: Strategy, stage: Stage, readings: ClampReadings | None, *, simulated: bool) -> None:
@@ -104,6 +109,7 @@ def fingerprint_cut(
         clamped=clamped,
         felt=found,
         made=_format_clamping(clamped, lobes),
+        blank=blank_oval(readings, aligned, machine),
     )
 
 

@@ -284,6 +284,8 @@ def _simulated_reading(text: Catalogue, question: EntryContext) -> list[Line]:
 def _deflection_lines(text: Catalogue, question: EntryContext, width: int) -> list[Line]:
     """Return the deflection that all readings show, with its confidence, or why they show none."""
     from console.session.learning.fingerprint import expected_of
+    from console.text.part_sentences import blank_lines
+    from profiles.fingerprint.blank_form import blank_oval
     from profiles.fingerprint.deflection import deflection_of
 
     units = question.units
@@ -304,7 +306,10 @@ def _deflection_lines(text: Catalogue, question: EntryContext, width: int) -> li
     rows.append(line(("→ ", Token.OK), (words, Token.STRONG)))
     if shown.upright:
         rows += wrap_line(text("align_page.clamp_upright"), width, Token.DIM)
-    return [*rows, *wrap_problems(unlikely, text, width)]
+    rows += wrap_problems(unlikely, text, width)
+    for each in blank_lines(blank_oval(readings, job, question.machine), text):
+        rows += wrap_line(each, width, Token.DIM)
+    return rows
 
 
 def interpret_entry(question: EntryContext) -> EntryValue:
