@@ -211,15 +211,10 @@ def _fault(key: str, value: str) -> Problem | None:
     if key == "keys" and (entry := fault_in_keys(value)):
         return Problem(code="config.bad_key", value=spell_toml(entry))
     if key in ("link", "indicator"):
+        from drivers.link import address, indicator
+
         try:
-            if key == "link":
-                from drivers.link.address import parse_address
-
-                parse_address(value)
-            else:
-                from drivers.link.indicator import parse_indicator
-
-                parse_indicator(value)
+            (address.parse_address if key == "link" else indicator.parse_indicator)(value)
         except ProblemError as error:
             return error.problems[0]
     return None

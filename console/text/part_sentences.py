@@ -304,7 +304,7 @@ def fingerprint_fields(found: FingerprintedCut, lobes: int) -> dict[str, object]
         "places": shown.places,
         "upright": shown.upright,
         "reading_sd_um": shown.reading_sd_um,
-        "blank": _blank_fields(found.blank),
+        "blank": None if found.blank is None else asdict(found.blank),
         "harmonics": [
             {"n": wave.lobes, "amplitude_um": wave.amplitude_um, "limit_um": limit_um, "phase_deg": wave.phase_deg}
             for wave, limit_um in _waves(shown)
@@ -312,33 +312,16 @@ def fingerprint_fields(found: FingerprintedCut, lobes: int) -> dict[str, object]
     }
 
 
-def _blank_fields(blank: BlankOval | None) -> dict[str, object] | None:
-    if blank is None:
-        return None
-    wave = blank.wave
-    shown = {
-        "oval_um_pp": 2.0 * wave.amplitude_um,
-        "limit_um_pp": 2.0 * blank.limit_um,
-        "high_deg": wave.phase_deg,
-    }
-    return {**shown, "copied": blank.copied, "copied_by_part": blank.copied_by_part}
-
-
 def blank_lines(blank: BlankOval | None, text: Catalogue) -> list[str]:
     """Return the oval of the blank itself and how much of it the cut copies; nothing where it is not known."""
     if blank is None:
         return []
-    wave, figure = blank.wave, text.units.figure
-    oval_um, limit_um = 2.0 * wave.amplitude_um, 2.0 * blank.limit_um
-    facts = {
-        "oval": figure(oval_um, "um", 1),
-        "limit": figure(limit_um, "um", 1),
-        "angle": f"{wave.phase_deg:.0f}",
-    }
-    if blank.copied is None or blank.copied_by_part is None:
-        return [text("fingerprint.blank", **facts)]
-    facts |= {"copied": figure(blank.copied * oval_um, "um", 1)}
-    return [text("fingerprint.blank_copied", **facts, part=figure(blank.copied_by_part * oval_um, "um", 1))]
+    ums = {"oval": 2.0 * blank.wave.amplitude_um, "limit": 2.0 * blank.limit_um}
+    if blank.copied is not None and blank.copied_by_part is not None:
+        ums |= {"copied": blank.copied * ums["oval"], "part": blank.copied_by_part * ums["oval"]}
+    facts = {name: text.units.figure(um, "um", 1) for name, um in ums.items()}
+    key = "blank_copied" if "copied" in facts else "blank"
+    return [text(f"fingerprint.{key}", angle=f"{blank.wave.phase_deg:.0f}", **facts)]
 
 
 def deflection_lines(shown: Deflection, text: Catalogue) -> list[str]:

@@ -15,7 +15,7 @@ import re
 import time
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from drivers.errors import LinkError
@@ -48,34 +48,29 @@ class IndicatorFormat:
     baud_rate: int = 9600
 
 
-def _mux10(unit: str) -> IndicatorFormat:
-    reply = r"01A(?P<value>(?=.{9,10}$)[+-]\d+\.\d+)"
-    return IndicatorFormat(request=b"1\r", reply=reply, error=r"9\d\d", unit=unit)
-
-
-def _opto(unit: str) -> IndicatorFormat:
-    return IndicatorFormat(
-        request=b"?\r",
-        reply=r"(?P<value>[+ -]\d{1,4}\.\d{2,6})[<=>]?",
-        error=r"ERR\d",
-        unit=unit,
-        framing=SEVEN_EVEN_TWO,
-        baud_rate=4800,
-    )
-
-
-SEVEN_EVEN_TWO = Framing(bits=7, parity="E", stop_bits=2)
+_SEVEN_EVEN_TWO = Framing(bits=7, parity="E", stop_bits=2)
+_MUX10 = IndicatorFormat(
+    request=b"1\r", reply=r"01A(?P<value>(?=.{9,10}$)[+-]\d+\.\d+)", error=r"9\d\d", unit="mm"
+)
+_OPTO = IndicatorFormat(
+    request=b"?\r",
+    reply=r"(?P<value>[+ -]\d{1,4}\.\d{2,6})[<=>]?",
+    error=r"ERR\d",
+    unit="mm",
+    framing=_SEVEN_EVEN_TWO,
+    baud_rate=4800,
+)
 FORMATS: Mapping[str, IndicatorFormat] = MappingProxyType(
     {
-        "mux10-mm": _mux10("mm"),
-        "mux10-inch": _mux10("inch"),
-        "opto-mm": _opto("mm"),
-        "opto-inch": _opto("inch"),
+        "mux10-mm": _MUX10,
+        "mux10-inch": replace(_MUX10, unit="inch"),
+        "opto-mm": _OPTO,
+        "opto-inch": replace(_OPTO, unit="inch"),
         "millimar": IndicatorFormat(
             request=b"M1?\r",
             reply=r"1 (?P<value>[+-]\d+\.\d+) (?P<unit>mm|um|inch)( [<=>]){0,2}",
             error=r"(1 )?ERR\d",
-            framing=SEVEN_EVEN_TWO,
+            framing=_SEVEN_EVEN_TWO,
         ),
         "mux4": IndicatorFormat(  # MIN and MAX are readings of another time
             request=b"1",

@@ -19,7 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import serial
@@ -105,15 +105,8 @@ def open_line(address: SerialAddress, framing: Framing = EIGHT_BITS) -> serial.S
             `link.baud`, `link.failed`.
     """
     try:
-        line = serial.Serial(
-            address.device,
-            address.baud_rate,
-            framing.bits,
-            framing.parity,
-            framing.stop_bits,
-            timeout=0,
-            exclusive=True,
-        )
+        kind = astuple(framing)
+        line = serial.Serial(address.device, address.baud_rate, *kind, timeout=0, exclusive=True)
     except ValueError as error:
         raise _problem(address, "link.baud", value=str(address.baud_rate)) from error
     except OSError as error:

@@ -18,7 +18,7 @@ from profiles.compensations.learning import SURE
 from profiles.compensations.next_version import half_width_um_pp
 from profiles.fingerprint.deflection import places_needed
 from profiles.job import NO_LOBE
-from profiles.problem import ProfileError
+from profiles.problem import ProblemError
 from profiles.same_objects import SameObjects
 
 READING_S, LINE_READING_S = 15.0, 8.0
@@ -63,7 +63,7 @@ def _offer(key: SameObjects[Work, object]) -> FingerprintOffer | None:
         if not _clamping_is_most(work, strategy):
             return None
         now_um, then_um = (2.0 * SURE * each for each in lobe_sd_um(job, machine, work.compensation, places))
-    except ProfileError:  # arming refuses such a job with the reason
+    except ProblemError:  # arming refuses such a job with the reason
         return None
     return FingerprintOffer(places=places, now_um=now_um, then_um=then_um)
 

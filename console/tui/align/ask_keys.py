@@ -98,16 +98,11 @@ class AskKeys:
             machine=self.ui.machine.machine,
             units=self.ui.text.units,
             clamp=self._clamp,
-            reads_itself=self.reads_itself,
+            reads_itself=self.indicator is not None,
         )
 
     @property
-    def reads_itself(self) -> bool:
-        """Whether there is a digital indicator on a serial line."""
-        return self._indicator is not None
-
-    @property
-    def _indicator(self) -> str | None:
+    def indicator(self) -> str | None:
         """The line of the indicator that reads itself, None without one."""
         return None if self.ui.configuration is None else self.ui.configuration.value("indicator")
 
@@ -201,7 +196,7 @@ class AskKeys:
         """Return why the indicator cannot be read into the entry now."""
         if self.entry_kind is not EntryKind.READING:
             return (Problem(code="screen.no_flank_now"),)
-        if self._indicator is None:
+        if self.indicator is None:
             return (Problem(code="screen.no_indicator_line"),)
         return (Problem(code="screen.indicator_read"),) if self._errand.running else ()
 
@@ -210,7 +205,7 @@ class AskKeys:
         from drivers.link.indicator import parse_indicator, read_indicator
 
         with self.ui.answering():
-            line, typing = parse_indicator(self._indicator or ""), self._clamp
+            line, typing = parse_indicator(self.indicator or ""), self._clamp
             self._entry.value = ""
             self._errand.start(None, lambda: (typing, read_indicator(line)))
 

@@ -351,7 +351,9 @@ class AlignPage(Page):
 
     def _why_lines(self, view: View, width: int, height: int | None) -> list[Line]:
         now = self._present_situation(view)
-        return align_lines.why_lines(self.ui.text, now, width, height, reads_itself=self._ask.reads_itself)
+        return align_lines.why_lines(
+            self.ui.text, now, width, height, reads_itself=self._ask.indicator is not None
+        )
 
     def _ask_number(self, key: str) -> None:
         """Ask for a number: a target (g), a force (f), the skim diameter (m), indicator readings (n)."""
