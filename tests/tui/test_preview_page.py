@@ -247,7 +247,7 @@ def test_with_and_without_compensation_differ_by_more_than_colour() -> None:
 
 
 def test_margins_are_percent_and_both_values() -> None:
-    """Table 2: 400 N continuous, 36.8 A; Ix16 is 100 mm/s; the loop with its servo cycle has 84.0 Hz, as page Tune says.
+    """Table 2: 400 N continuous, 36.8 A; Ix16 is 100 mm/s; the sampled loop has 84.0 Hz (docs/tuning.md).
 
     The stroke is that where the lobe is largest: 1.23 times the 62.1 um mid-cut.
     """
