@@ -31,7 +31,7 @@ from console.session.learning.gauge_errors import error_drift, keep_error, newes
 from console.session.learning.learning_steps import as_cut, sections_like
 from console.session.learning.part_learning import learning_event, learning_of
 from console.session.learning.provenance import of_this_part
-from console.session.learning.row_faults import find_faults
+from console.session.learning.row_faults import RowFaults, diagnose_parts, find_faults
 from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, MeasureTurned, TakeTrace
 from console.session.station.context import StationContext
@@ -349,13 +349,19 @@ def _publish(context: StationContext, part: MeasuredPart) -> None:
 def _with_faults(context: StationContext, part: MeasuredPart) -> MeasuredPart:
     """Return a part with what its record says of faults; the hypotheses only of one that fails."""
     learning = part.learning
-    if part.run_id is None or learning is None:
+    if learning is None:
         return part
     fails = not part.is_half and any(each.passes is False for each in part.judged)
     evidence = None if learning.taught is None else learning.taught.evidence
     try:
-        story = read_story(context.records, part.run_id)
-        faults = find_faults(story, context.records, explains=fails, evidence=evidence)
+        if part.run_id is not None:
+            story = read_story(context.records, part.run_id)
+            faults = find_faults(story, context.records, explains=fails, evidence=evidence)
+        elif fails and evidence is not None:
+            found = diagnose_parts([evidence], part.job, context.loaded_machine.machine)
+            faults = RowFaults(diagnosis=found)
+        else:
+            return part
     except ProblemError:  # the measurement stands without it
         return part
     return replace(part, learning=replace(learning, faults=faults))
