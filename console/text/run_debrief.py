@@ -93,12 +93,13 @@ def fault_words(
 ) -> tuple[list[str], list[str]]:
     """Return the hypotheses in one sentence, none without any, and what the orders and sections may be.
 
-    Of what the hypotheses compare only that is left which belongs to the likeliest, or the next unless it is sure.
+    Beside a hypothesis that is sure nothing is left of what belongs to another one.
     """
     if found is None:
         return [], all_cause_words(causes, along, text)
-    named = {each.fault.value for each in found.ranked[: 1 if found.sure else 2]}
-    kept = [each for each in causes if each.kind not in _FAULTS_OF or named & {*_FAULTS_OF[each.kind]}]
+    best = found.best.fault.value
+    is_open = not found.sure or best == USUAL
+    kept = [each for each in causes if is_open or best in _FAULTS_OF.get(each.kind, (best,))]
     return [diagnosis_words(found, text)], all_cause_words(kept, along, text)
 
 
