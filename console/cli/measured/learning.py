@@ -121,9 +121,11 @@ def _diagnosis(
     if found.evidence is None:
         return None
     with suppress(SessionError):
-        run_id = run_of_trace(data, hashlib.sha256(content).hexdigest())
-        if run_id is not None:
-            return find_faults(story(data, run_id), data, evidence=found.evidence).diagnosis
+        sha256 = hashlib.sha256(content).hexdigest()
+        run_id = run_of_trace(data, sha256)
+        of = None if run_id is None else story(data, run_id)
+        if of is not None and of.product is not None and of.product.trace_sha256 == sha256:
+            return find_faults(of, data, evidence=found.evidence).diagnosis
     return diagnose_parts([found.evidence], job.job, machine.machine)
 
 
