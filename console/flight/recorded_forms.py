@@ -78,7 +78,10 @@ def _plan(plan: Any) -> RecordedPlan:
 
 
 def _learning(learning: Any) -> Any:
-    return learning if learning.taught is None else replace(learning, taught=None, problems=(NOT_RECORDED,))
+    faults = type(learning.faults)()
+    if learning.taught is None:
+        return replace(learning, faults=faults)
+    return replace(learning, taught=None, problems=(NOT_RECORDED,), faults=faults)
 
 
 def _lobe(lobe: Any) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from console.session.data.run_rows import ENDS
@@ -10,6 +10,7 @@ from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
 from console.text.part_sentences import all_cause_words, place_words
 from console.text.recorded_words import order_words, part_words
+from profiles.compensations.causes import LEAST_NAMED_UM, Cause, CauseKind
 from profiles.files import printable
 from profiles.metrology.conformity import ToleranceKind
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from console.session.data.run_story import RunEvent
     from console.session.learning.run_debrief import Incident, RunDebrief
     from profiles.compensations.hypotheses import FaultDiagnosis
+    from profiles.metrology.length_causes import LengthCause
 
 Section = tuple[str, list[str]]
 """A title with its sentences."""
@@ -25,6 +27,17 @@ LONGEST = 300
 MOST_RATIO = 1000.0
 CAUSES = "causes"  # of `Advice`
 USUAL = "usual"  # of `LatheFault`, which takes numpy with it
+_FAULTS_OF = {
+    CauseKind.ANGLE: ("angle", "drift"),
+    CauseKind.FORCE: ("force", "clamping"),
+    CauseKind.ARRIVES: ("tool", "force"),
+    CauseKind.TOOL: ("tool", "friction", "entry"),
+    CauseKind.OVERTONE: ("friction", "backlash"),
+    CauseKind.JAW: ("jaw",),
+    CauseKind.OVAL: ("blank", "gauge", "spindle"),
+    CauseKind.LOBE: (),
+}
+"""The hypotheses (values of `LatheFault`) to which a cause belongs that one part alone shows."""
 _FORM: dict[tuple[ToleranceKind, bool | None], str] = {
     (ToleranceKind.ROUNDNESS, True): "round",
     (ToleranceKind.ROUNDNESS, False): "not_round",
@@ -55,14 +68,14 @@ def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
     part = debrief.part
     if part is None:
         return []
-    rows, causes = list[str](), all_cause_words(debrief.causes, debrief.along, text)
+    rows, found = list[str](), debrief.diagnosis if part.passed is False else None
+    likely, causes = fault_words(debrief.causes, debrief.along, found, text)
     for each in part.judged if part.passed is not None else ():
         if (key := _FORM.get((each.kind, each.passes))) is not None and each.value_um is not None:
             value, over = (text.units.figure(um, "um", 2) for um in (each.value_um, each.value_um - each.limit_um))
             limit, at = text.units.format_short(each.limit_um, "um"), place_words(each.z_mm, text)
             rows.append(text(f"debrief.run.{key}", value=value, limit=limit, over=over, at=at))
-    if found := debrief.diagnosis if part.passed is False else None:
-        rows.append(diagnosis_words(found, text))
+    rows += likely
     if rows and causes:
         rows[-1] += f" {text('cause.title' if found is None else 'diagnosis.alone')}"
     rows += causes
@@ -75,14 +88,31 @@ def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
     return rows
 
 
+def fault_words(
+    causes: Sequence[Cause], along: Sequence[LengthCause], found: FaultDiagnosis | None, text: Catalogue
+) -> tuple[list[str], list[str]]:
+    """Return the hypotheses in one sentence, none without any, and what the orders and sections may be.
+
+    Beside a hypothesis that is sure nothing is left of what belongs to another one.
+    """
+    if found is None:
+        return [], all_cause_words(causes, along, text)
+    best = found.best.fault.value
+    is_open = not found.sure or best == USUAL
+    kept = [each for each in causes if is_open or best in _FAULTS_OF.get(each.kind, (best,))]
+    return [diagnosis_words(found, text)], all_cause_words(kept, along, text)
+
+
 def diagnosis_words(found: FaultDiagnosis, text: Catalogue) -> str:
     """Return the likeliest fault and the next; unless it is sure, what measurement would decide."""
     best, other = found.best, found.next
     ratio = f"{found.ratio:.{0 if found.sure else 1}f}" if found.ratio < MOST_RATIO else f"> {MOST_RATIO:.0f}"
     said = {"best": text(f"diagnosis.name.{best.fault}"), "next": text(f"diagnosis.name.{other.fault}")}
-    um = text.units.figure(best.um_pp, "um", 1)
+    if best.fault != USUAL:
+        share = "share" if best.um_pp >= LEAST_NAMED_UM else "no_share"
+        said["best"] += f" ({text(f'diagnosis.{share}', um=text.units.figure(best.um_pp, 'um', 1))})"
     key = "diagnosis.sure" if found.sure else "diagnosis.open"
-    return text(key, **said, um=um, ratio=ratio, parts=found.parts, test=_test_words(found, text))
+    return text(key, **said, ratio=ratio, parts=found.parts, test=_test_words(found, text))
 
 
 def _test_words(found: FaultDiagnosis, text: Catalogue) -> str:

@@ -23,14 +23,12 @@ if TYPE_CHECKING:
     from drivers.preview.outlook import Outlook
     from drivers.preview.preview import PartialPreview, Preview, Program, ProgramInput
     from profiles.axis.response import ServoResponse
-    from profiles.axis.servo import Eq9Summary
     from profiles.compensations.learned_compensation import ExpectedPart
     from profiles.compensations.path import CutPath
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
 PROGRAMS_KEPT = 60  # those of a dozen jobs, between which an operator steps back and forth
-LOOPS_KEPT = 4
 
 
 class ValueCache(Generic[Key, Value]):
@@ -89,10 +87,9 @@ class Previewer:
 
     def __init__(self) -> None:
         self._programs: ValueCache[ProgramInput, Program] = ValueCache(PROGRAMS_KEPT)
-        self._loops: ValueCache[MachineProfile, Eq9Summary] = ValueCache(LOOPS_KEPT)
         self._begun: _Begun | None = None
         self._fault: tuple[_Begun, Problem] | None = None
-        self._shown: tuple[_Begun, Eq9Summary | None, dict[Strategy, Program], PartialPreview] | None = None
+        self._shown: tuple[_Begun, dict[Strategy, Program], PartialPreview] | None = None
         self._settled: tuple[Work, Alignment, CutPath | None] | None = None
         self._thread: threading.Thread | None = None
 
@@ -137,17 +134,16 @@ class Previewer:
         """Return the answer so far, the same object until something is added; and as the whole, if complete."""
         from drivers.preview.preview import Preview, complete_preview, underway
 
-        loop = self._loops.find(begun.question.machine)
         found = ((each.strategy, self._programs.find(each)) for each in begun.asked)
         programs = {each: program for each, program in found if program is not None}
         shown = self._shown
-        if shown is None or shown[0] is not begun or shown[1] is not loop or shown[2] != programs:
-            if loop is not None and len(programs) == len(begun.asked):
-                seen: PartialPreview = complete_preview(outlook, loop, programs)
+        if shown is None or shown[0] is not begun or shown[1] != programs:
+            if len(programs) == len(begun.asked):
+                seen: PartialPreview = complete_preview(outlook, programs)
             else:
-                seen = underway(outlook, loop, programs)
-            shown = self._shown = (begun, loop, programs, seen)
-        return shown[3], shown[3] if isinstance(shown[3], Preview) else None
+                seen = underway(outlook, programs)
+            shown = self._shown = (begun, programs, seen)
+        return shown[2], shown[2] if isinstance(shown[2], Preview) else None
 
     def _compute(self) -> None:
         """Compute in the other thread what is missing from the newest question, until nothing is."""
@@ -162,17 +158,11 @@ class Previewer:
     def _add_to(self, begun: _Begun) -> bool:
         """Compute the first missing item of a question; False when nothing is missing."""
         from drivers.preview.preview import program_of
-        from profiles.axis.servo import eq9_summary
 
         missing = [each for each in begun.asked if self._programs.find(each) is None]
-        machine = begun.question.machine
-        if begun.asked and missing[:1] != list(begun.asked[:1]) and self._loops.find(machine) is None:
-            self._loops.keep(machine, eq9_summary(machine))
-        elif missing:
+        if missing:
             self._programs.keep(missing[0], program_of(missing[0]))
-        else:
-            return False
-        return True
+        return bool(missing)
 
 
 def _load_inverted_response(work: Work) -> ServoResponse | None:

@@ -6,11 +6,15 @@ import cmath
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from drivers.cutting.planning import nominal_command
 from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 from drivers.identification.nominal import path_response
 from drivers.pmac.motor_settings import MotorSettings
-from profiles.axis.response import ServoResponse
+from profiles.axis.margins import bandwidth_hz
+from profiles.axis.response import ResponseSource, ServoResponse
+from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo import DriveNeed, drive_need, eq9_response, sampled_response
 from profiles.chucking.grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
 from profiles.compensations.learned_compensation import ExpectedPart
@@ -20,6 +24,8 @@ from profiles.job import Job
 from profiles.lobe.along import along_cut
 from profiles.machine import MachineProfile
 from profiles.rules import check
+
+IDENTIFIED_POINTS = 200  # of an identified band, among which its bandwidth is looked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,9 +55,10 @@ class Outlook:
     """A job on a machine as far as it needs no program: fast enough to update at every key.
 
     `strategy` is the chosen one, `response` what it inverts, and `command` the result for `target`; for a
-    strategy that inverts nothing these are of the default one. `demands` are those of the sine of the command,
-    at the speed of the job. `taught` is the result that a measured part predicts for a cut with the path
-    learned from it: the model does not include learned corrections. None means the model's prediction.
+    strategy that inverts nothing these are of the default one. `bandwidth_hz` is that of the loop in which the
+    cut runs, see `loop_bandwidth_hz`. `demands` are those of the sine of the command, at the speed of the job.
+    `taught` is the result that a measured part predicts for a cut with the path learned from it: the model does
+    not include learned corrections. None means the model's prediction.
     """
 
     job: Job
@@ -62,6 +69,7 @@ class Outlook:
     command: LobedPath
     eq9: Response
     sampled: Response
+    bandwidth_hz: float | None
     need: DriveNeed
     demands: dict[str, Demand]
     grip_margin_n: float
@@ -104,12 +112,27 @@ def outlook(
         command=command,
         eq9=response_of(job, complex(eq9_response(machine, frequency_hz))),
         sampled=response_of(job, complex(sampled_response(machine, frequency_hz))),
+        bandwidth_hz=loop_bandwidth_hz(machine, inverted),
         need=need,
         demands=demands_of(machine, need),
         grip_margin_n=grip_margin_n(job, machine),
         findings=check(job, machine),
         taught=taught,
     )
+
+
+def loop_bandwidth_hz(machine: MachineProfile, response: ServoResponse) -> float | None:
+    """Return where the loop falls to half its power: as identified, else that of the profile as on page Tune.
+
+    Eq 9 of the paper is another one: it knows no servo cycle. An identified response that stays above half power
+    is taken to end where it was measured last. None: a loop of the profile that never falls.
+    """
+    if response.source is ResponseSource.IDENTIFIED:
+        gain = np.vectorize(lambda hz: abs(response.curve(hz)), otypes=[np.float64])
+        found = bandwidth_hz(gain, response.highest_hz, response.lowest_hz, IDENTIFIED_POINTS)
+        return response.highest_hz if found is None else found
+    loop = loop_of(machine)
+    return bandwidth_hz(lambda hz: np.abs(loop.closed_loop(hz)), loop.nyquist_hz)
 
 
 def response_of(job: Job, response: complex) -> Response:

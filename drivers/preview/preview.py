@@ -28,7 +28,7 @@ from drivers.preview.program_prediction import (
 )
 from profiles.arrays import floats, read_only
 from profiles.axis.response import ResponseSource, ServoResponse
-from profiles.axis.servo import Eq9Summary, drive_need, eq9_summary
+from profiles.axis.servo import drive_need
 from profiles.compensations.path import CutPath, LobedPath, PathHarmonic, free_state_lobe
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.along import shape_along
@@ -166,11 +166,9 @@ class Program:
 class PartialPreview(Outlook):
     """A job on a machine while its programs are simulated: the outlook, and every finished program.
 
-    `strategies` has the outcome of each, `predictions` those that can be planned. `eq9_loop` is None
-    until it is known.
+    `strategies` has the outcome of each, `predictions` those that can be planned.
     """
 
-    eq9_loop: Eq9Summary | None
     strategies: dict[Strategy, CutPlan | ProblemError]
     predictions: dict[Strategy, ProgramPrediction]
 
@@ -178,8 +176,6 @@ class PartialPreview(Outlook):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preview(PartialPreview):
     """The complete preview of a job on a machine, without motion: the outlook, and every program."""
-
-    eq9_loop: Eq9Summary
 
 
 def preview(
@@ -197,7 +193,7 @@ def preview(
     """
     seen = outlook(job, machine, strategy, response, path=path)
     programs = {each.strategy: program_of(each) for each in all_asked(job, machine, strategy, response, path)}
-    return complete_preview(seen, eq9_summary(machine), programs)
+    return complete_preview(seen, programs)
 
 
 def all_asked(
@@ -236,20 +232,19 @@ def program_of(asked: ProgramInput) -> Program:
             gc.enable()
 
 
-def underway(seen: Outlook, eq9_loop: Eq9Summary | None, programs: Mapping[Strategy, Program]) -> PartialPreview:
+def underway(seen: Outlook, programs: Mapping[Strategy, Program]) -> PartialPreview:
     """Return an outlook with the finished programs, in the order of the strategies."""
     made = {each: programs[each] for each in Strategy if each in programs}
     return PartialPreview(
         **{field.name: getattr(seen, field.name) for field in fields(Outlook)},
-        eq9_loop=eq9_loop,
         strategies={each: program.plan for each, program in made.items()},
         predictions={each: p.prediction for each, p in made.items() if p.prediction is not None},
     )
 
 
-def complete_preview(seen: Outlook, eq9_loop: Eq9Summary, programs: Mapping[Strategy, Program]) -> Preview:
+def complete_preview(seen: Outlook, programs: Mapping[Strategy, Program]) -> Preview:
     """Return an outlook with all programs."""
-    complete = underway(seen, eq9_loop, programs)
+    complete = underway(seen, programs)
     return Preview(**{field.name: getattr(complete, field.name) for field in fields(Preview)})
 
 

@@ -60,7 +60,6 @@ def loop_margins(loop: SampledLoop) -> LoopMargins:
     more = min(((factor, f) for factor, f in factors if factor > 1.0), default=None)
     sensitivity, sensitivity_hz = _maximum(hz, lambda f: 1.0 / np.abs(1.0 + loop.open_loop(f)))
     peak, peak_hz = _maximum(hz, lambda f: np.abs(loop.closed_loop(f)))
-    falls = _crossings(hz, lambda f: np.abs(loop.closed_loop(f)) - math.sqrt(0.5))
     return LoopMargins(
         stable=is_stable(loop),
         crossover_hz=None if least is None else least[0],
@@ -71,10 +70,18 @@ def loop_margins(loop: SampledLoop) -> LoopMargins:
         gain_reduction=max((factor for factor, _ in factors if factor < 1.0), default=None),
         sensitivity_peak=sensitivity,
         sensitivity_peak_hz=sensitivity_hz,
-        bandwidth_hz=min(falls, default=None),
+        bandwidth_hz=bandwidth_hz(lambda f: np.abs(loop.closed_loop(f)), loop.nyquist_hz),
         peak=peak,
         peak_hz=peak_hz,
     )
+
+
+def bandwidth_hz(
+    gain: Curve, highest_hz: float, lowest_hz: float = _LOWEST_HZ, points: int = _POINTS
+) -> float | None:
+    """Return where a response to a command first falls to half its power; None if it does not within this band."""
+    hz = np.geomspace(lowest_hz, highest_hz, points)
+    return min(_crossings(hz, lambda f: gain(f) - math.sqrt(0.5)), default=None)
 
 
 def sensitivity_peak(loop: SampledLoop) -> float:

@@ -27,12 +27,15 @@ from enum import StrEnum
 from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT, fit_harmonics
 from profiles.compensations.next_version import AppliedPath
 from profiles.compensations.part_harmonics import PartHarmonics
-from profiles.compensations.path import PathHarmonic
+from profiles.compensations.path import OVAL, PathHarmonic
 from profiles.job import Job
 
 MOST_ORDER = 15
 LEAST_OF_RONT = 0.15
 """Fraction of RONt, peak to peak, from which a harmonic is worth naming."""
+
+LEAST_NAMED_UM = 0.05
+"""Height, peak to peak, that is not shown as 0.0: what has less is no cause."""
 
 SAME_HEIGHT = 0.2
 """Relative difference of height up to which a lobe that stands elsewhere is the same lobe."""
@@ -48,7 +51,6 @@ WRONG_WAY = 2.0
 """e / (s P) of a tool that moves the wrong way; anything nearer to it than to 1 counts."""
 
 AT_JAW_DEG = 10.0
-OVAL = 2
 
 
 class CauseKind(StrEnum):
@@ -103,7 +105,7 @@ def causes(
     if not placed:
         others = [replace(each, kind=CauseKind.OVAL) if each.kind is CauseKind.JAW else each for each in others]
     found = [each for each in (lobe, *others) if each is not None]
-    standing = [each for each in found if each.um_pp >= LEAST_OF_RONT * ront_um]
+    standing = [each for each in found if each.um_pp >= max(LEAST_OF_RONT * ront_um, LEAST_NAMED_UM)]
     if not standing:
         return (Cause(kind=CauseKind.NOISE, um_pp=ront_um),)
     return tuple(sorted(standing, key=lambda each: each.um_pp, reverse=True))

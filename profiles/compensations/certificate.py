@@ -17,13 +17,16 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from profiles.compensations.change import OrderChange
-from profiles.compensations.learning import SURE
+from profiles.compensations.learning import REPEATS_SD_UM, SURE
 from profiles.compensations.optimal_gain import PROCESS_LOSS_SD
-from profiles.compensations.path import MOST_HARMONICS
+from profiles.compensations.path import MOST_HARMONICS, OVAL
 
 PROMISED = 0.95
 """The largest bound that counts as a promise: what is left after 14 parts is half. A choice."""
 
+
+BLANK_OVAL_SD_UM = 0.8
+"""Standard deviation of the oval of one blank to the next, by either phase, um. A choice."""
 
 PROCESS_GAINS = (1.0 - 2.0 * PROCESS_LOSS_SD, 1.0)
 """The fraction of the motion of the tool that arrives in the surface, from and to."""
@@ -121,13 +124,15 @@ def certify_order(
 ) -> CertifiedOrder:
     """Return the certificate of an order, whose amplitude has the standard deviation `clamped_um` of a clamping.
 
-    That of this part is learned with the gain, and the next part has one of its own: it may have both at most.
+    Nor does the rest of it repeat better than `REPEATS_SD_UM`, twice a turn than the blanks. That of this part
+    is learned with the gain, and the next part has one of its own: it may have both at most.
     """
     learned, left_um = standing is OrderStatus.LEARNED, _height(shown.left_um)
     tried = gain if learned else 1.0  # what a step would do
     bound, most_um = bound_contraction(tried, follows.spread), None
     if learned and left_um is not None:
-        most_um = bound * left_um + SURE * math.hypot(1.0, tried) * clamped_um
+        blank_um = BLANK_OVAL_SD_UM if order == OVAL else 0.0
+        most_um = bound * left_um + SURE * math.hypot(1.0, tried) * math.hypot(clamped_um, REPEATS_SD_UM, blank_um)
     return CertifiedOrder(
         order=order,
         gain=gain,
@@ -146,12 +151,13 @@ def certify_order(
 def certify_push(push_um: float, standing: OrderStatus = OrderStatus.LEARNED) -> tuple[CertifiedOrder, ...]:
     """Return the row of a push of the cut, um at its entry, made up for in full; none of no push.
 
-    It is the term of order 0 that is no polynomial along Z (`axial` 0); its height from entry to end is p-p.
+    It is the term of order 0 that is no polynomial along Z (`axial` 0); its height from entry to end is p-p. How
+    much more or less the next blank pushes is not known: nothing is promised of it (`most_um`).
     """
     if not push_um:
         return ()
     shown = OrderEvidence(on_part_um=complex(push_um / 2.0), left_um=complex(push_um / 2.0))
-    return (certify_order(0, 1.0, shown, RIGID, standing),)
+    return (replace(certify_order(0, 1.0, shown, RIGID, standing), most_um=None),)
 
 
 def refuse_orders(certificate: Iterable[CertifiedOrder]) -> tuple[CertifiedOrder, ...]:

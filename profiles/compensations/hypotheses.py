@@ -24,12 +24,13 @@ from functools import partial
 import numpy as np
 
 from profiles.arrays import Floats
+from profiles.compensations.certificate import BLANK_OVAL_SD_UM
+from profiles.compensations.path import OVAL
 
 SURE_RATIO = 20.0
 MOST_MISFIT = 1.0
 """Misfit from which something else is wrong, too: then nothing is sure."""
 
-OVAL = 2
 MULTIPLES = (1, 2, 3, 5)
 ANY_PHASE = (1.0 + 0j, 1j)
 WARM_PARTS = 5.0
@@ -285,7 +286,7 @@ def _usual(e: _Evidence) -> list[Floats]:
     """Return what a lathe that is looked after makes: one standard deviation in each column."""
     lathe, lobes, lobe = e.lathe, e.lathe.lobes, e.lathe.lobe_um
     turn = -1j * lobes * math.radians(1.0) * lobe
-    alone = [*e.any_phase(OVAL, 0.8), e.order(lobes, 0.01 * lobe), e.order(lobes, 0.25 * turn)]
+    alone = [*e.any_phase(OVAL, BLANK_OVAL_SD_UM), e.order(lobes, 0.01 * lobe), e.order(lobes, 0.25 * turn)]
     alone += [each for n in e.orders for each in e.any_phase(n, 0.15)]
     alone += [e.by_tool(partial(_tool_off, lobes, 0.3 * t)) for t in ANY_PHASE]
     alone += [*(e.polled(0.3 * t) for t in ANY_PHASE), e.size(lambda _: 1.5), e.taper(lambda _: 0.6)]

@@ -158,7 +158,7 @@ def short(name: str) -> Job:
 
 def band_of(job: Job, strategy: Strategy = Strategy.CAM) -> Band:
     asked = ProgramInput(job=job, machine=MACHINE, strategy=strategy)
-    band = predicted_band(underway(outlook(job, MACHINE, strategy), None, {strategy: program_of(asked)}), strategy)
+    band = predicted_band(underway(outlook(job, MACHINE, strategy), {strategy: program_of(asked)}), strategy)
     assert band is not None
     return band
 

@@ -132,9 +132,9 @@ async def test_the_page_has_the_new_numbers_while_the_programs_are_still_compute
         await settle(app, pilot)
         late, work = "\n".join(rows_of(app)), app.ui.work
     text = load("en")
-    # 800 rpm and 3 jaws are 40 Hz; the bandwidth of Eq 9 with Table 4 is 55.2 Hz.
+    # 800 rpm and 3 jaws are 40 Hz; the loop has 84.0 Hz (docs/tuning.md).
     assert "servo at 40.0 Hz" in early
-    assert re.search(r"40\.0 / +(55\.2|…) Hz", early)
+    assert "40.0 / 84.0 Hz" in early
     assert "20 um/div" in early
     assert text("preview_page.next_wait") in early
     rows = [row for row in early.split("\n") for name in Strategy if f" {name} " in row and "… um" in row]
@@ -145,7 +145,7 @@ async def test_the_page_has_the_new_numbers_while_the_programs_are_still_compute
     for strategy, prediction in made.predictions.items():
         assert prediction.surface is not None
         assert re.search(rf" {strategy} .* {max(prediction.surface.ront_um.max(), 2.0):.1f} um│", late)
-    assert "40.0 / 55.2 Hz  72 %" in late
+    assert "40.0 / 84.0 Hz  48 %" in late
     assert "…" not in re.sub(r"\d … \d", "", late), "but for the force window, which is a range"
     assert text("preview_page.next_wait") not in late
 
@@ -255,7 +255,7 @@ def test_nothing_on_the_page_jumps_when_a_program_is_there(strategy: Strategy) -
     job = replace(short().job, cut_length_mm=2.0)
     text, machine = load("en"), load_machine(MACHINE).machine
     late = preview(job, machine, strategy)
-    early = session_preview.underway(outlook(job, machine, strategy), late.eq9_loop, {})
+    early = session_preview.underway(outlook(job, machine, strategy), {})
     needs = [
         plain_text(margin_lines(margins(seen, strategy, METRIC), text, 60, 6)).split("\n")
         for seen in (early, late)

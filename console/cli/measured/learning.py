@@ -8,6 +8,7 @@ import math
 import shlex
 from argparse import Namespace
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -17,18 +18,21 @@ from console.session.data.calibrated_chuck import CalibratedMachine
 from console.session.data.kept_files import is_ahead, utc_now
 from console.session.data.learned_store import asked_for, elsewhere_problems, store, versions
 from console.session.data.measured_part import KEYS, SECTION_Z
-from console.session.data.run_reader import run_of_trace
+from console.session.data.run_reader import run_of_trace, story
 from console.session.errors import SessionError
 from console.session.learning.evaluated_part import read_section_file
 from console.session.learning.learning_steps import SIMULATED, LearningOutcome, learn_from_trace, revert_version
 from console.session.learning.part_learning import record_accepted
 from console.session.learning.provenance import taken_before
+from console.session.learning.row_faults import diagnose_parts, find_faults
 from console.session.stages import Stage
 from console.text.along_length import form_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from console.text.part_sentences import at_height, cause_words, certificate_fields, certificate_lines
+from console.text.part_sentences import at_height, certificate_fields, certificate_lines
+from console.text.run_debrief import diagnosis_fields, fault_words
 from drivers.simulator.plant.which_lathe import options_of
+from profiles.compensations.hypotheses import FaultDiagnosis
 from profiles.compensations.learned_compensation import (
     HoldsFor,
     LearnedCompensation,
@@ -77,11 +81,14 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
     kept = store(data, following) if options.keep and not reasons else None
     if kept is not None:
         warnings += tell(_record_learning_step(data, content, following), text)
+    fails = _fails(found, job)
+    diagnosis = _diagnosis(data, content, found, job, machine) if fails else None
     asked, form = options.keep or bool(reasons), cylinder_event(filed.whole)
     show(
         options,
         lambda: {
             **_step_fields(found),
+            "diagnosis": diagnosis_fields(diagnosis),
             SECTION_Z: filed.section_z_mm,
             **form,
             "kept": kept and str(kept),
@@ -90,7 +97,7 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
         lambda: [
             at_height(filed.section_z_mm, text),
             *([f"{text('run.whole')}: {form_words(form, text)}"] if filed.whole else []),
-            *_step_lines(found, text, fails=_fails(found, job)),
+            *_step_lines(found, text, fails=fails, diagnosis=diagnosis),
             *_kept_lines(following, kept, asked, options, text),
         ],
     )
@@ -105,6 +112,21 @@ def _record_learning_step(data: Path, content: bytes, kept: LearnedCompensation)
     except SessionError as unreadable:
         return tuple(unreadable.problems)
     return record_accepted(data, run_id, kept)
+
+
+def _diagnosis(
+    data: Path, content: bytes, found: LearningOutcome, job: LoadedJob, machine: CalibratedMachine
+) -> FaultDiagnosis | None:
+    """Return the hypotheses on a part: with those before it if it is recorded, else on it alone."""
+    if found.evidence is None:
+        return None
+    with suppress(SessionError):
+        sha256 = hashlib.sha256(content).hexdigest()
+        run_id = run_of_trace(data, sha256)
+        of = None if run_id is None else story(data, run_id)
+        if of is not None and of.product is not None and of.product.trace_sha256 == sha256:
+            return find_faults(of, data, evidence=found.evidence).diagnosis
+    return diagnose_parts([found.evidence], job.job, machine.machine)
 
 
 def _fails(found: LearningOutcome, job: LoadedJob) -> bool:
@@ -202,7 +224,9 @@ def _still_holds(version: LearnedCompensation, asked: HoldsFor) -> bool:
     return not differences(version, replace(asked, strategy=version.holds_for.strategy))
 
 
-def _step_lines(found: LearningOutcome, text: Catalogue, *, fails: bool) -> list[str]:
+def _step_lines(
+    found: LearningOutcome, text: Catalogue, *, fails: bool, diagnosis: FaultDiagnosis | None
+) -> list[str]:
     """Return a learning step; for a part that `fails` also why it is not round."""
     step, made = found.step, found.made
     holds, part = step.next.holds_for, step.next.part
@@ -221,8 +245,9 @@ def _step_lines(found: LearningOutcome, text: Catalogue, *, fails: bool) -> list
         lines += ["", *certificate_lines(step.certificate, step.next.path.target.lobes, text)]
     else:
         lines += table([(name, measured, unit) for name, measured, _, unit in rows], numeric=(1,))
-    causes = [f"  {cause_words(cause, text)}" for cause in found.causes]
-    return [*lines, "", text("cause.title"), *causes] if fails else lines
+    likely, causes = fault_words(found.causes, (), diagnosis, text)
+    alone = [text("diagnosis.alone"), *(f"  {words}" for words in causes)] if causes else []
+    return [*lines, "", *likely, *alone] if fails else lines
 
 
 def _below_forecast(calculated_um: float, text: Catalogue) -> list[str]:

@@ -18,6 +18,7 @@ from drivers.preview.band import Band, predicted_band
 from drivers.preview.outlook import grip_demand
 from drivers.preview.preview import Preview, Response, surface_left, worst_section
 from profiles.axis.envelope import envelope, highest_safe_speed
+from profiles.axis.servo import eq9_summary
 from profiles.chucking.advice import force_span
 from profiles.findings import Severity
 from profiles.forecast import LEAST_FORECAST_UM, forecast_um, is_below_forecast
@@ -28,7 +29,7 @@ from profiles.problem import ProblemError
 
 def preview_fields(seen: Preview, text: Catalogue) -> dict[str, object]:
     """Return the whole preview; fields of one strategy are those of the chosen one."""
-    made = seen.predictions.get(seen.strategy)
+    made, eq9 = seen.predictions.get(seen.strategy), eq9_summary(seen.machine)
     columns = ("angle_deg", "command_um", "path_um", "residual_um")
     return {
         "job": seen.job.name,
@@ -43,8 +44,8 @@ def preview_fields(seen: Preview, text: Catalogue) -> dict[str, object]:
         "wanted_path": harmonics_of(seen.target),
         "command": harmonics_of(seen.command),
         "trajectory": None if made is None else {name: getattr(made, name).tolist() for name in columns},
-        "eq9": {**asdict(seen.eq9), **asdict(seen.eq9_loop), "gain_margin": _finite(seen.eq9_loop.gain_margin)},
-        "sampled_loop": asdict(seen.sampled),
+        "eq9": {**asdict(seen.eq9), **asdict(eq9), "gain_margin": _finite(eq9.gain_margin)},
+        "sampled_loop": {**asdict(seen.sampled), "bandwidth_hz": seen.bandwidth_hz},
         "drive": _drive(seen),
         "margins": _margins(seen),
         "envelope": _envelope(seen),
@@ -171,10 +172,11 @@ def _strategy(plan: CutPlan | ProblemError, text: Catalogue) -> dict[str, object
 def preview_lines(seen: Preview, text: Catalogue) -> list[str]:
     """Return the preview: the lobe, the servo at its frequency, the drive's needs, every check."""
     band = predicted_band(seen, seen.strategy)
+    bandwidth = "–" if seen.bandwidth_hz is None else f"{seen.bandwidth_hz:.1f}"
     loops = [
         (text("preview.loop"), text("preview.gain"), text("preview.phase"), text("preview.residual")),
-        _loop_row(text("preview.eq9", bandwidth=f"{seen.eq9_loop.bandwidth_hz:.1f}"), seen.eq9),
-        _loop_row(text("preview.sampled"), seen.sampled),
+        _loop_row(text("preview.eq9", bandwidth=f"{eq9_summary(seen.machine).bandwidth_hz:.1f}"), seen.eq9),
+        _loop_row(text("preview.sampled", bandwidth=bandwidth), seen.sampled),
     ]
     needs = [(text("preview.need"), "", "%")]
     needs += [

@@ -45,9 +45,20 @@ def is_elsewhere(taught: LearningOutcome) -> bool:
     return any(warning.code == ELSEWHERE for warning in taught.warnings)
 
 
-def jaw_explains(taught: LearningOutcome) -> bool:
-    """Whether jaw 1, taken at another angle, explains the most: found again, it must not be corrected as well."""
-    return bool(taught.causes) and taught.causes[0].kind is CauseKind.ANGLE
+def jaw_explains(learning: PartLearning) -> bool:
+    """Whether jaw 1 elsewhere is the likeliest: found again, it must not be corrected as well."""
+    if learning.faults.diagnosis is not None:
+        return learning.faults.diagnosis.best.fault.value == CauseKind.ANGLE.value
+    causes = () if learning.taught is None else learning.taught.causes
+    return bool(causes) and causes[0].kind is CauseKind.ANGLE
+
+
+def fails_in_mark(part: MeasuredPart) -> bool:
+    """Whether a part fails by the mark of a stop alone: its other sections are round, and it teaches nothing."""
+    along, limit_um = causes_along(part) if fails(part) else (), part.job.roundness_tolerance_um
+    marked = {each.first_mm for each in along if each.kind is LengthCauseKind.MARK}
+    others = () if part.whole is None else (each for each in part.whole.sections if each.z_mm not in marked)
+    return bool(marked) and all(each.ront_um <= limit_um for each in others)
 
 
 def is_kept(learning: PartLearning | None, work: Work | None) -> bool:

@@ -11,7 +11,15 @@ from dataclasses import dataclass, replace
 
 from console.session.cut.alignment import AlignStep, force_problems
 from console.session.cut.jaw_by_indicator import READINGS
-from console.session.guide.measured_part import fails, follows_lobe, is_elsewhere, is_kept, is_taken, jaw_explains
+from console.session.guide.measured_part import (
+    fails,
+    fails_in_mark,
+    follows_lobe,
+    is_elsewhere,
+    is_kept,
+    is_taken,
+    jaw_explains,
+)
 from console.session.guide.situation import GuidePhase, Situation, phase_of
 from console.session.guide.start_checks import is_over
 from console.session.guide.waiting import waiting
@@ -67,6 +75,10 @@ def at_step(*steps: AlignStep | None) -> Condition:
 
 def _part(also: Callable[[MeasuredPart, Situation], bool]) -> Condition:
     return lambda s: s.state.measured is not None and also(s.state.measured, s)
+
+
+def _made_worse(part: MeasuredPart) -> bool:
+    return part.learning is not None and bool(part.learning.faults.worse)
 
 
 def _waits(word: str) -> Condition:
@@ -242,6 +254,8 @@ INSPECT = (
         Row("inspect.no_lobe", is_always_due, "inspect.next"),
     ),
     Row("inspect.made_worse", lambda s: "learned.worse" in s.not_taught, "page.align"),
+    Row("inspect.failed_mark", _part(lambda part, _: fails_in_mark(part)), "inspect.next"),
+    Row("inspect.plain_better", _part(lambda part, _: _made_worse(part)), "preview.strategy"),
     Row("inspect.worse", lambda s: "learned.diverges" in s.not_taught, "inspect.revert"),
     Row("inspect.force", lambda s: _HALF(s) and _WRONG(s), "page.align"),
     Row("inspect.half", lambda s: _HALF(s) and _KEPT(s), "preview.stage"),
@@ -268,7 +282,7 @@ INSPECT = (
     Row("inspect.failed_scatter", lambda s: not s.stands_out, "inspect.accept"),
     Row(
         "inspect.failed_jaw",
-        lambda s: s.learning_result is not None and jaw_explains(s.learning_result),
+        _part(lambda part, _: part.learning is not None and jaw_explains(part.learning)),
         "page.align",
     ),
     Row("inspect.failed_learn", is_always_due, "inspect.accept"),

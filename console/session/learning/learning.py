@@ -38,7 +38,6 @@ from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
 from drivers.identification.nominal import nominal_response
 from profiles.axis.stiffness import held_back_um
 from profiles.compensations.axial_learning import AxialHistory, AxialRules, axial_steps, fit_axial
-from profiles.compensations.causes import OVAL
 from profiles.compensations.certificate import PROCESS_GAINS, CertifiedOrder, certify_push, refuse_orders
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
@@ -53,7 +52,7 @@ from profiles.compensations.learning import (
 )
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN, compare_uncompensated
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
-from profiles.compensations.path import CutPath
+from profiles.compensations.path import OVAL, CutPath
 from profiles.compensations.push import NO_PUSH, Push
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job

@@ -58,6 +58,7 @@ from profiles.compensations.certificate import (
 from profiles.compensations.hypotheses import PartEvidence
 from profiles.compensations.learned_compensation import (
     MODEL,
+    HoldsFor,
     LearnedCompensation,
     history_of,
     model_again,
@@ -176,19 +177,10 @@ def learn_from_part(
     `tool_um` is the tool error of its cut at the order of the lobe, with jaw 1 as then; `push_um` the push left.
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
     """
-    filed, (strategy, stage) = job.job, _strategy_and_stage(made)
-    asked = asked_for(job, machine, strategy, simulated=is_simulated(trace), lathe=lathe_of(trace))
-    known = versions(data, asked)
-    inverted = _inverted_response(made, machine.machine, identified, data, simulated=asked.simulated)
-    version = choose_version(made.compensation, known, asked)
-    path = nominal_path(filed, machine.machine, strategy, inverted) if version is None else version.path
-    follows = follows_by_order(strategy, machine.machine, filed.spindle_speed_rpm, inverted)
-    orders = _orders(filed, strategy, extra, follows)
-    beside = _further_orders(strategy, orders, follows)
-    part = _part(trace, filed, made, extra, beside, robust=robust)
-    cut = _cut_with(path, stage, version, known, filed)
-    cut = replace(cut, tool_um=tool_um * cmath.exp(-1j * filed.jaws * math.radians(_turned_deg(filed, made))))
-    cut, part = of_mean_clamping(cut, part, made.fingerprint, filed.jaws, lambda n: follows(n).response)
+    filed, of = job.job, RecordedCut(trace=trace, job=job, machine=machine, made=made, tool_um=tool_um)
+    read = _read_part(of, data, identified, extra=extra, robust=robust)
+    known, asked, follows, orders, beside = read.known, read.asked, read.follows, read.orders, read.beside
+    part, cut, stage, strategy = read.part, read.cut, read.stage, Strategy(made.strategy)
     scatter = scatter_um(filed, machine.machine)
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
     of_trace = partial(_part, job=filed, made=made, extra=extra, beside=beside, robust=robust)
@@ -206,16 +198,86 @@ def learn_from_part(
         step=step,
         made=made,
         stage=stage,
-        warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
+        warnings=(
+            *date_problems(cut.version),
+            *lathe_problems(cut.version, asked),
+            *part.warnings,
+            *step.warnings,
+        ),
         harmonics=harmonics,
         causes=causes(part, cut, filed, tool_um=cut.tool_um, placed=part.is_placed),
-        evidence=PartEvidence(
-            left_um=seen_orders(part),
-            path_um=cut.fraction * coefficient_of(cut.path.target, filed.jaws),
-            tool_um=cut.tool_um or None,
+        evidence=read.evidence,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedCut:
+    """A part by its trace, how it was made, and the tool's error in its cut at the order of the lobe, um."""
+
+    trace: Trace
+    job: LoadedJob
+    machine: LoadedMachine
+    made: MadeWith
+    tool_um: complex = 0j
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ReadPart:
+    """The harmonics of a part, its cut, the versions known, and the orders of its strategy."""
+
+    asked: HoldsFor
+    known: tuple[LearnedCompensation, ...]
+    follows: Callable[[int], ToolResponse]
+    orders: tuple[int, ...]
+    beside: tuple[int, ...]
+    part: PartHarmonics
+    cut: AppliedPath
+    stage: Stage
+
+    @property
+    def evidence(self) -> PartEvidence | None:
+        """What the part is for a diagnosis, None without its angles."""
+        target = self.cut.path.target
+        return (
+            PartEvidence(
+                left_um=seen_orders(self.part),
+                path_um=self.cut.fraction * coefficient_of(target, target.lobes),
+                tool_um=self.cut.tool_um or None,
+            )
+            if self.part.is_placed
+            else None
         )
-        if part.is_placed
-        else None,
+
+
+def evidence_from(of: RecordedCut, data: Path) -> PartEvidence | None:
+    """Return what a part is for a diagnosis, None without its angles; raises as `learn_from_part`."""
+    return _read_part(of, data).evidence
+
+
+def _read_part(
+    of: RecordedCut,
+    data: Path,
+    identified: Path | None = None,
+    *,
+    extra: tuple[int, ...] = (),
+    robust: bool = False,
+) -> _ReadPart:
+    trace, made, filed, machine = of.trace, of.made, of.job.job, of.machine.machine
+    strategy, stage = _strategy_and_stage(made)
+    asked = asked_for(of.job, of.machine, strategy, simulated=is_simulated(trace), lathe=lathe_of(trace))
+    known = versions(data, asked)
+    inverted = _inverted_response(made, machine, identified, data, simulated=asked.simulated)
+    version = choose_version(made.compensation, known, asked)
+    path = nominal_path(filed, machine, strategy, inverted) if version is None else version.path
+    follows = follows_by_order(strategy, machine, filed.spindle_speed_rpm, inverted)
+    orders = _orders(filed, strategy, extra, follows)
+    beside = _further_orders(strategy, orders, follows)
+    part = _part(trace, filed, made, extra, beside, robust=robust)
+    cut = _cut_with(path, stage, version, known, filed)
+    cut = replace(cut, tool_um=of.tool_um * cmath.exp(-1j * filed.jaws * math.radians(_turned_deg(filed, made))))
+    cut, part = of_mean_clamping(cut, part, made.fingerprint, filed.jaws, lambda n: follows(n).response)
+    return _ReadPart(
+        asked=asked, known=known, follows=follows, orders=orders, beside=beside, part=part, cut=cut, stage=stage
     )
 
 

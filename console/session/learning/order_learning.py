@@ -17,7 +17,6 @@ from console.session.learning.learning_steps import LEAST_FOLLOWED, OVERTONES, s
 from drivers.cutting.sampling import LEAST_SAMPLES_A_LOBE
 from drivers.cutting.strategy import Strategy
 from drivers.identification.nominal import follows_by_order
-from profiles.compensations.causes import OVAL
 from profiles.compensations.certificate import (
     CertifiedOrder,
     OrderEvidence,
@@ -47,7 +46,7 @@ from profiles.compensations.optimal_gain import (
 )
 from profiles.compensations.order_steps import STEP_UM, RepeatHistory
 from profiles.compensations.part_harmonics import PartHarmonics
-from profiles.compensations.path import CutPath
+from profiles.compensations.path import OVAL, CutPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
 

@@ -15,6 +15,7 @@ from console.session.data.run_rows import problem_events
 from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError
 from console.session.learning.learning_steps import LearningOutcome, learn_from_part, revert_version
+from console.session.learning.row_faults import NO_FAULTS, RowFaults
 from console.session.operator import operator_name
 from profiles.compensations.learned_compensation import LearnedCompensation
 from profiles.compensations.next_version import LearningStep
@@ -29,11 +30,15 @@ RECORD_TIMEOUT_S = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartLearning:
-    """How a part was `made`, and its learning step or why there is none: `taught` or `problems`."""
+    """How a part was `made`, and its learning step or why there is none: `taught` or `problems`.
+
+    `faults` are what its record says of it with the parts before it.
+    """
 
     made: MadeWith
     taught: LearningOutcome | None = None
     problems: tuple[Problem, ...] = ()
+    faults: RowFaults = NO_FAULTS
 
     @property
     def reasons(self) -> tuple[Problem, ...]:

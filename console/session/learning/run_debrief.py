@@ -6,39 +6,26 @@ machine and how it was cut, as they were recorded.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
-from console.session.data.measured_part import RecordedPart, made_with, parts_made, tool_lobe_um
-from console.session.data.run_reader import RunFilters, runs
-from console.session.data.run_reader import story as read_story
+from console.session.data.measured_part import RecordedPart
 from console.session.data.run_rows import FAILED_HOW, RunOutcome
 from console.session.data.run_story import COMMAND, RunEvent, RunStory
-from console.session.errors import SessionError
 from console.session.learning.learning_steps import LearningOutcome, learn_from_part
-from console.session.learning.row_result import worse_than_plain
+from console.session.learning.row_faults import NO_FAULTS, PLAIN, ends_of, find_faults, recorded_cut
 from console.session.stages import Stage
 from console.session.stop_keys import is_by_key
-from drivers.cutting.strategy import Strategy
-from drivers.simulator.plant.which_lathe import LATHE, WHICH
-from profiles.axis.sampled_loop import loop_of
-from profiles.axis.stiffness import compliance_um_per_n
 from profiles.compensations.causes import Cause
-from profiles.compensations.hypotheses import MULTIPLES, FaultDiagnosis, KnownLathe, PartEvidence, diagnose
-from profiles.compensations.path import free_state_lobe
-from profiles.files import parse_toml
-from profiles.machine import MachineProfile, machine_from_table
+from profiles.compensations.hypotheses import FaultDiagnosis
 from profiles.metrology.conformity import ToleranceKind
 from profiles.metrology.length_causes import LengthCause, causes_of_failure
 from profiles.problem import Problem, ProblemError
-from profiles.store import LoadedJob, LoadedMachine
 
 SEEN_WITHIN_S = 60.0
-MOST_EARLIER, LAST_PARTS = 8, 3
-HELD_AT = "held_at"
 
 SHOWN = frozenset(
     {"started", "feed_hold", "resumed", "adjusted", "stopped", "collision", "fault", "link_back"}
@@ -48,9 +35,6 @@ SHOWN = frozenset(
 
 COMMANDS = frozenset({"EndCut", "HoldFeed", "ResumeFeed", "Adjust", "Retract", "Recover"})
 """Commands that it shows: what was done about a cut."""
-
-
-_PLAIN = {each.value for each in Strategy if not each.traits.follows_lobe}
 
 
 class Advice(StrEnum):
@@ -108,18 +92,18 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
     judged = part is not None and part.passed is not None and part.tolerance_um is not None
     fails_round = judged and part is not None and part.is_round is False
     causes: tuple[Cause, ...] = ()
-    diagnosis: FaultDiagnosis | None = None
-    earlier = _earlier(story, data) if explains and part is not None else ()
+    faults, evidence = NO_FAULTS, None
     unknown = list(_unknown(story, part))
     if fails_round and not explains:
         unknown.append(Problem(code="debrief.later"))
     elif part is not None and fails_round:
         try:
-            causes = _taught(story, part, data).causes
+            taught = _taught(story, part, data)
+            causes, evidence = taught.causes, taught.evidence
         except ProblemError as error:
             unknown += error.problems
     if explains and part is not None:
-        diagnosis = _diagnosis((*earlier, story), data)
+        faults = find_faults(story, data, evidence=evidence)
     happened = tuple(_list_events(story))
     size = None if part is None else part.figure(ToleranceKind.DIAMETER)
     off_um = size.value_um if size is not None and size.passes is False else None
@@ -129,8 +113,8 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
         fails_round=fails_round,
         off_um=off_um,
         causes=causes,
-        diagnosis=diagnosis,
-        worse=_worse((*earlier, story)),
+        diagnosis=faults.diagnosis,
+        worse=faults.worse,
         along=causes_of_failure(part.length_causes, part.judged)
         if part is not None and part.passed is False
         else (),
@@ -144,99 +128,9 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
 
 def _taught(story: RunStory, part: RecordedPart, data: Path) -> LearningOutcome:
     """Return what a part teaches. Raises ProblemError: the record does not suffice."""
-    trace, job = part.read_trace(), story.read_job()
-    if trace is None or job is None or story.machine_text is None:
-        raise SessionError()
-    machine = _machine(story)
-    cuts = [(event.kind, json.dumps(dict(event.data)), "") for event in _ends(story)]
-    made = made_with({}, trace.meta, parts_made(cuts))
-    return learn_from_part(
-        trace,
-        LoadedJob(job=job, path=Path(story.row.job), sha256=story.job_sha256, text=story.job_text or ""),
-        LoadedMachine(machine=machine, path=Path(story.row.machine), sha256=story.machine_sha256),
-        data,
-        made,
-        gain=None,
-        robust=False,
-        date=part.at.isoformat(),
-        tool_um=tool_lobe_um(cuts[-1][1]) if cuts else 0j,
-    )
-
-
-def _machine(story: RunStory) -> MachineProfile:
-    return machine_from_table(parse_toml((story.machine_text or "").encode("utf-8", "replace"), ""))
-
-
-def _lathe(story: RunStory) -> object:
-    """Return which simulated lathe has cut it, None on a real one."""
-    lathe = story.setup.get(LATHE)
-    return lathe.get(WHICH) if isinstance(lathe, dict) else None
-
-
-def _earlier(story: RunStory, data: Path) -> tuple[RunStory, ...]:
-    """Return the runs before this one of the same job on the same machine as they are, oldest first."""
-    row, found = story.row, list[RunStory]()
-    try:
-        filters = RunFilters(job=row.job, machine=row.machine, simulated=row.simulated)
-        for each in runs(data, filters, before=row.run_id, limit=MOST_EARLIER):
-            of = read_story(data, each.run_id)
-            same = (of.job_sha256, of.machine_sha256) == (story.job_sha256, story.machine_sha256)
-            if same and _lathe(of) == _lathe(story) and of.product is not None:
-                found.append(of)
-    except SessionError:
-        return ()
-    return tuple(reversed(found))
-
-
-def _diagnosis(stories: Sequence[RunStory], data: Path) -> FaultDiagnosis | None:
-    """Return the hypotheses on the parts of a job, None where the record of the last part does not suffice."""
-    parts = list[PartEvidence]()
-    for place, story in enumerate(stories):
-        part = story.product
-        try:
-            seen = None if part is None else _taught(story, part, data).evidence
-        except ProblemError:
-            seen = None
-        if part is not None and seen is not None:
-            parts.append(_with_record(seen, part, story, place))
-    last = stories[-1]
-    if not parts or parts[-1].place != len(stories) - 1 or (job := last.read_job()) is None:
-        return None
-    machine = _machine(last)
-    orders = [job.jaws * each for each in MULTIPLES if each % 2]
-    hz = [each * job.spindle_speed_rpm / 60.0 for each in orders]
-    yields = compliance_um_per_n(loop_of(machine), machine.tool.loop_gain_n_per_v, hz)
-    lathe = KnownLathe(
-        lobes=job.jaws,
-        lobe_um=free_state_lobe(job).harmonics[0].coefficient,
-        jaw_1_deg=job.jaw_1_deg,
-        yields_um_per_n=dict(zip(orders, yields.tolist(), strict=True)),
-    )
-    return diagnose(parts, lathe)
-
-
-def _with_record(seen: PartEvidence, part: RecordedPart, story: RunStory, place: int) -> PartEvidence:
-    """Return the evidence of a part with its size, its sections, and whether its feed was held."""
-    along = sorted(part.sections, key=lambda each: each.z_mm)
-    off_um = part.off_nominal_um
-    return replace(
-        seen,
-        size_um=None if off_um is None else 0.5 * off_um,
-        taper_um=along[-1].mean_um - along[0].mean_um if len(along) > 1 else None,
-        held=any(event.kind == HELD_AT for event in story.events),
-        place=place,
-    )
-
-
-def _worse(stories: Sequence[RunStory]) -> tuple[Problem, ...]:
-    """Return `learning.worse` if the last parts with compensation are all less round than those without."""
-    parts = [(story.row.strategy in _PLAIN, story.product) for story in stories]
-    of = {kind: [p.ront_um for plain, p in parts if plain is kind and p and p.ront_um] for kind in (True, False)}
-    return worse_than_plain(of[True], of[False][-LAST_PARTS:])
-
-
-def _ends(story: RunStory) -> tuple[RunEvent, ...]:
-    return tuple(event for event in story.events if event.kind in ("cut", "result"))
+    of, date = recorded_cut(story, part), part.at.isoformat()
+    how: dict[str, Any] = {"gain": None, "robust": False, "date": date, "tool_um": of.tool_um}
+    return learn_from_part(of.trace, of.job, of.machine, data, of.made, **how)
 
 
 def _unknown(story: RunStory, part: RecordedPart | None) -> Iterator[Problem]:
@@ -258,7 +152,7 @@ def _unknown(story: RunStory, part: RecordedPart | None) -> Iterator[Problem]:
         yield Problem(code="debrief.no_trace")
     if story.job_text is None or story.machine_text is None:
         yield Problem(code="debrief.no_texts")
-    if not any("tool_lobe_um" in event.data for event in _ends(story)):
+    if not any("tool_lobe_um" in event.data for event in ends_of(story)):
         yield Problem(code="debrief.no_tool_error")
     if part.diameter_mm is None:
         yield Problem(code="debrief.no_diameter")
@@ -284,7 +178,7 @@ def _is_shown(event: RunEvent) -> bool:
 def _advice(story: RunStory, found: RunDebrief) -> Iterator[Advice]:
     if found.causes or found.along:
         yield Advice.CAUSES
-    elif found.fails_round and story.row.strategy in _PLAIN:
+    elif found.fails_round and story.row.strategy in PLAIN:
         yield Advice.PLAIN
     if story.row.ended.how in FAILED_HOW and any(told.raised is not None for told in found.happened):
         yield Advice.ENDED

@@ -21,6 +21,7 @@ from console.session.data.measured_part import (
     newest_part,
 )
 from console.session.data.records import add_to_run
+from console.session.data.run_reader import story as read_story
 from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError
 from console.session.gauge_in_use import gauge_in_use
@@ -30,6 +31,7 @@ from console.session.learning.gauge_errors import error_drift, keep_error, newes
 from console.session.learning.learning_steps import as_cut, sections_like
 from console.session.learning.part_learning import learning_event, learning_of
 from console.session.learning.provenance import of_this_part
+from console.session.learning.row_faults import RowFaults, diagnose_parts, find_faults
 from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, MeasureTurned, TakeTrace
 from console.session.station.context import StationContext
@@ -44,7 +46,7 @@ from profiles.metrology.cylindricity import LEAST_SQUARES, CylinderResult, cylin
 from profiles.metrology.separation import GaugeError, Placement, separate
 from profiles.metrology.turns import mean_diameter_mm
 from profiles.metrology.uncertainty import UncertaintyBudget, points_budget
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem, ProblemError, ProfileError
 from profiles.roundness import profile_of
 from profiles.store import LoadedJob
 from profiles.trace_files.header import GAUGE_ERROR, header_of
@@ -338,9 +340,31 @@ def correct_touch_off(context: StationContext, _: CorrectTouchOff) -> None:
 
 
 def _publish(context: StationContext, part: MeasuredPart) -> None:
+    part = _with_faults(context, part)
     context.tell(measured=part, form=None, armed=None)
     if not part.strategy.traits.follows_lobe:
         context.tell(uncompensated=part)
+
+
+def _with_faults(context: StationContext, part: MeasuredPart) -> MeasuredPart:
+    """Return a part with what its record says of faults; the hypotheses only of one that fails."""
+    learning = part.learning
+    if learning is None:
+        return part
+    fails = not part.is_half and any(each.passes is False for each in part.judged)
+    evidence = None if learning.taught is None else learning.taught.evidence
+    try:
+        if part.run_id is not None:
+            story = read_story(context.records, part.run_id)
+            faults = find_faults(story, context.records, explains=fails, evidence=evidence)
+        elif fails and evidence is not None:
+            found = diagnose_parts([evidence], part.job, context.loaded_machine.machine)
+            faults = RowFaults(diagnosis=found)
+        else:
+            return part
+    except ProblemError:  # the measurement stands without it
+        return part
+    return replace(part, learning=replace(learning, faults=faults))
 
 
 def _gauge(context: StationContext) -> GaugeProfile | None:

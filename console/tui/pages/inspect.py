@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from typing import Any
 
 from console.session.data.trace_folder import export_trace
-from console.session.guide.measured_part import causes_along, fails, follows_lobe, is_taken, run_id_of
+from console.session.guide.measured_part import (
+    causes_along,
+    fails,
+    fails_in_mark,
+    follows_lobe,
+    is_taken,
+    run_id_of,
+)
 from console.session.guide.refusals import LOOKS, find_refusals
 from console.session.guide.rows import INSPECT, row_of
 from console.session.guide.situation import Situation
@@ -299,7 +307,7 @@ class InspectPage(ChartPage):
         elif part.lobe is not None:
             rows = lobe_lines(part.lobe, view.work, text, width)
         elif part.learning is not None:
-            rows = learn_lines(part.learning, view.work, text, width, failed=fails(part), along=causes_along(part))
+            rows = learn_lines(part.learning, view.work, text, width, **_how(part))
             rows += force_lines(part, view.state.force, text, width)
             rows += certified_lines(part.learning, text, width)
         if self._seen is not None:
@@ -437,16 +445,15 @@ class InspectPage(ChartPage):
             return
         if part is None or part.learning is None:
             return
-        failed, width, learning = fails(part), max(room.width, 1), part.learning
+        how, width, learning = {**_how(part), "brief": True}, max(room.width, 1), part.learning
         # The plain words, and why nothing is learned, are shown in full, at the cost of the plot.
-        along = causes_along(part)
-        head = head_lines(learning, view.work, text, width, failed=failed, brief=True, along=along)
+        head = head_lines(learning, view.work, text, width, **how)
         force = force_lines(part, view.state.force, text, width)
-        rows = learn_lines(learning, view.work, text, width, failed=failed, brief=True, along=along)
+        rows = learn_lines(learning, view.work, text, width, **how)
         rows[len(head) : len(head)] = force
         more = text("panel.more") if len(rows) > room.height else ""
         self._learn.show(rows[: room.height], learn_title(learning, text), more)
-        step = _STEP_ROWS if failed else 0  # what a part that fails teaches
+        step = _STEP_ROWS if how["failed"] else 0  # what a part that fails teaches
         self._grant(len(head) + len(force) + step)
 
     def _grant(self, rows: int) -> None:
@@ -483,3 +490,8 @@ class InspectPage(ChartPage):
         what = "how_measure" if state.cut_done else "how_cut"
         how = wrap_line(text(f"inspect_page.{what}{'' if state.simulated else '_outside'}"), width)
         return [*lines, BLANK, *how, *mark_lines(text, state.marks_mm, width, "inspect_page")]
+
+
+def _how(part: MeasuredPart) -> dict[str, Any]:
+    """Return how the words on a part are to be said, see `learn_lines`."""
+    return {"failed": fails(part), "along": causes_along(part), "marked": fails_in_mark(part)}

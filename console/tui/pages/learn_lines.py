@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
+from typing import Any
 
 from console.session.data.learned_store import NONE
 from console.session.data.measured_part import MODEL, MadeWith
@@ -19,8 +20,10 @@ from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.text.part_sentences import all_cause_words, certificate_lines, force_words
 from console.text.recorded_words import is_plain, stage_words, strategy_words
+from console.text.run_debrief import fault_words
 from console.tui.lines import BLANK, Line, hanging, line, name_in, wrap_line
 from console.tui.theme import Token
+from profiles.compensations.causes import LEAST_NAMED_UM
 from profiles.compensations.path import expect_residual
 from profiles.files import printable
 from profiles.metrology.length_causes import LengthCause
@@ -72,17 +75,20 @@ def learn_lines(
     failed: bool = False,
     brief: bool = False,
     along: Sequence[LengthCause] = (),
+    marked: bool = False,
 ) -> list[Line]:
     """Return the part in plain words, its learning step in figures or why it has none, and warnings.
 
-    A part that has `failed` begins with the causes; `brief` shows only the largest.
+    A part that has `failed` begins with the causes; `brief` shows only the first. Of one that is
+    `marked`, which fails by the mark of a stop alone (`along`), nothing else is said.
     """
-    lines = head_lines(learning, work, text, width, failed=failed, brief=brief, along=along)
+    how: dict[str, Any] = {"failed": failed, "brief": brief, "along": along, "marked": marked}
+    lines = head_lines(learning, work, text, width, **how)
     taught = learning.taught
     if not failed and not brief:
         for words in all_cause_words((), along, text):
             lines += hanging(_CAUSE, words, width)
-    if taught is not None:
+    if taught is not None and not marked:
         lines += wrap_line(_harmonics_words(taught, text), width)
         lines += wrap_line(" · ".join(_facts(taught, work, text)), width)
         for problem in taught.warnings:
@@ -99,10 +105,16 @@ def head_lines(
     failed: bool,
     brief: bool,
     along: Sequence[LengthCause] = (),
+    marked: bool = False,
 ) -> list[Line]:
     """Return the plain words: causes of a failed part, its residual, the key to press, reasons of a refusal."""
+    if marked:
+        said = " ".join((text("inspect_page.plain.missed"), *all_cause_words((), along, text)))
+        return hanging(_CAUSE, said, width, Token.STRONG)
     lines = cause_lines(learning, text, width, brief=brief, along=along) if failed else []
-    lines += wrap_line(plain_words(learning, work, text, failed=failed), width, Token.STRONG)
+    worse = [text.problem(each) for each in learning.faults.worse]
+    words = "".join(worse) or plain_words(learning, work, text, failed=failed)
+    lines += wrap_line(words, width, Token.STRONG)
     return [*lines, *reason_lines(learning, text, width)]
 
 
@@ -117,9 +129,13 @@ def force_lines(part: MeasuredPart, check: ForceCheck | None, text: Catalogue, w
 def cause_lines(
     learning: PartLearning, text: Catalogue, width: int, *, brief: bool, along: Sequence[LengthCause]
 ) -> list[Line]:
-    """Return why a part that failed is not round, `along` its length too, largest first; `brief`: only that."""
-    causes = () if learning.taught is None else learning.taught.causes
-    words = all_cause_words(causes, along, text)[: 1 if brief else None]
+    """Return what a part that failed may have: the hypotheses, then its orders and `along` its length.
+
+    `brief`: only the first of these.
+    """
+    causes, found = () if learning.taught is None else learning.taught.causes, learning.faults.diagnosis
+    likely, words = fault_words(causes, along, found, text)
+    words = [*likely, *([text("diagnosis.alone")] if likely and words else []), *words][: 1 if brief else None]
     said = [" ".join((text("inspect_page.plain.missed"), *words[:1])), *words[1:]]
     return [row for sentence in said for row in hanging(_CAUSE, sentence, width, Token.STRONG)]
 
@@ -215,24 +231,24 @@ def plain_words(learning: PartLearning, work: Work | None, text: Catalogue, *, f
     if taught is None or learning.reasons:
         return text("inspect_page.plain.refused")
     lobe = _lobe(taught)
+    learned = [each for each in taught.harmonics if each.learned and each.left_um_pp >= LEAST_NAMED_UM]
     if taught.stage is Stage.PARTIAL:
         return f"{text('inspect_page.plain.half', left=_um(lobe, text))} {_half_words(taught, text)}"
     if is_kept(learning, work):
         return text("inspect_page.plain.accepted", left=_um(lobe, text))
-    if lobe is not None and lobe.learned:
+    if lobe in learned:
         scatter = text.units.figure(taught.step.expected_half_width_um_pp, "um", 1)
         word = "correct"
         if is_elsewhere(taught):
             word = "elsewhere"
         elif in_scatter(taught):
             word = "may_scatter" if failed else "scatter"
-        elif failed and jaw_explains(taught):
+        elif failed and jaw_explains(learning):
             word = "jaw"
         return text(f"inspect_page.plain.{word}", left=_um(lobe, text), scatter=scatter)
-    others = [each for each in taught.harmonics if each.learned]
-    if not others:
+    if not learned:
         return text("inspect_page.plain.noise")
-    most = max(others, key=lambda each: each.left_um_pp)
+    most = max(learned, key=lambda each: each.left_um_pp)
     return text("inspect_page.plain.other", n=most.order, left=_um(most, text))
 
 

@@ -201,7 +201,7 @@ def margins(seen: PartialPreview, strategy: Strategy, units: Units) -> tuple[Mar
     tool, needs = seen.machine.tool, _needs(seen, strategy)
     limits: dict[str, float | None] = {key: drive.limit for key, drive in seen.demands.items()}
     limits["stroke_mm"] = tool.travel_max_mm - tool.travel_min_mm
-    limits["lobe_hz"] = None if seen.eq9_loop is None else seen.eq9_loop.bandwidth_hz
+    limits["lobe_hz"] = seen.bandwidth_hz
     rows = (
         ("stroke", "stroke_mm", 3, "mm"),
         ("velocity", "velocity_mm_per_s", 1, "mm/s"),
