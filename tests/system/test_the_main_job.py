@@ -118,7 +118,7 @@ def fails_at_its_mark_alone(trainee: Trainee) -> None:
     sign, z_mm, mark_mm = shown[-1]
     if sign == "✗":
         assert load_job(FIRST_JOB).job.overhang_mm - z_mm == pytest.approx(mark_mm, abs=0.35)
-        trainee.sees("length_cause.mark")
+        trainee.terminal.wait_for(r"Mark[\s│]+of[\s│]+a[\s│]+stop|정지[\s│]+자국:")
     else:
         trainee.sees("inspect_page.next.part")
 
