@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from typing import Any
 
@@ -32,7 +32,8 @@ class GaugeProfile:
     the most by which a part may be off the axis where its radius is not known; `filter_cutoff_percent`, limit of
     the error of the cut-off; `column_error_um`, limit of a section's shift across the axis; `set_up_angle_deg`,
     standard deviation of the angle of the start mark; `size_error_um`, limit of the error of a diameter;
-    `temperature_off_k`, the most that part and gauge are off 20 degC or from each other.
+    `temperature_off_k`, the most that part and gauge are off 20 degC or from each other. `expired`: it was loaded
+    after the last day of its validity, which its file does not know.
     """
 
     name: str
@@ -56,11 +57,16 @@ class GaugeProfile:
     size_error_um: float | None = None
     temperature_off_k: float | None = None
     schema: int = 1
+    expired: bool = False
 
     @property
     def rule(self) -> DecisionRule:
         """How its figures are judged against a limit."""
         return DecisionRule(self.decision_rule)
+
+    def on(self, day: str) -> GaugeProfile:
+        """Return it as it is on a day (ISO 8601): expired or not."""
+        return replace(self, expired=bool(self.valid_until) and day > self.valid_until)
 
 
 def _amount(key: str, table: str, unit: str, at_most: float) -> Field:

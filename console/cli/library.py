@@ -17,6 +17,7 @@ from console.session.data.kept_files import (
     jobs_folder,
     machines_folder,
     refuse_closed,
+    utc_now,
 )
 from console.session.errors import SessionError
 from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from console.session.data.calibrated_chuck import CalibratedMachine
     from console.text.catalogue import Catalogue
     from drivers.simulator.plant.true_parameters import TrueParameters
+    from profiles.metrology.uncertainty import KnownGauge
 
 DEFAULT_MACHINE = "lee-2001-lathe"
 SIM_OPTION, SIM_LINK = "--sim", "--link sim:"
@@ -60,8 +62,19 @@ def gauge_of(options: Namespace) -> GaugeProfile | None:
         if options.accept is not None:
             raise refusal_error("gauge.none_named", key="--accept", value=options.accept, limit="--gauge NAME")
         return None
-    gauge = load_gauge(options.gauge, gauges_folder(data_of(options)))
+    gauge = load_gauge(options.gauge, gauges_folder(data_of(options))).on(utc_now()[:10])
     return gauge if options.accept is None else replace(gauge, decision_rule=options.accept)
+
+
+def known_gauge_of(options: Namespace, lathe: str) -> KnownGauge | None:
+    """Return the gauge named on the command line with its own error, `lathe` names a simulated lathe.
+
+    Raises ProfileError: as `gauge_of` and `known_gauge`.
+    """
+    from console.session.learning.gauge_errors import known_gauge
+
+    gauge = gauge_of(options)
+    return None if gauge is None else known_gauge(data_of(options), gauge, lathe)
 
 
 def profile_of(options: Namespace) -> LoadedMachine:

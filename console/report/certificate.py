@@ -5,7 +5,7 @@ It is one A4 page in print; the record of the process is behind it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from console.report.drawing import INK, circle, line, picture
 from console.report.markup import Markup, element, facts_table, paragraph, table
@@ -13,7 +13,7 @@ from console.report.measured_section import judged_z_mm, plot_judged_section
 from console.report.quantities import NOTHING, against_limit, date_in, exact, mm, number, um
 from console.report.record_sections import list_gaps
 from console.report.verdict import SIGNS, Judgement, ReportVerdict, judge_run
-from console.session.data.measured_part import RecordedPart
+from console.session.data.measured_part import UNCERTAINTY, RecordedPart
 from console.session.data.run_facts import program_sha256
 from console.session.learning.opened_run import OpenedRun
 from console.session.part_identity import KEYS, PartIdentity, identity_of
@@ -199,8 +199,14 @@ def _condition_rows(run: OpenedRun, identity: PartIdentity, text: Catalogue) -> 
     unknown = text("report.none_stated")
     yield row("probe", meta.get("probe", unknown))
     simulated = text("report.certificate.simulated_gauge") if run.story.row.simulated else ""
-    yield row("gauge", meta.get("gauge") or simulated or unknown)
-    yield row("calibrated", meta.get("gauge_calibrated", unknown))
+    stated = {} if part is None else part.data.get(UNCERTAINTY)
+    own = stated.get("gauge") if isinstance(stated, Mapping) else None
+    yield row("gauge", meta.get("gauge") or simulated or (own if isinstance(own, str) else unknown))
+    uncertain = None if part is None else part.uncertainty
+    expired = (
+        () if uncertain is None or not uncertain.expired else (text("judged.expired", date=uncertain.expired),)
+    )
+    yield row("calibrated", ", ".join((meta.get("gauge_calibrated", unknown), *expired)))
     stated_c = identity.temperature_c
     yield row("temperature", unknown if stated_c is None else exact(stated_c, "°C"))
 

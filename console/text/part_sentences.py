@@ -20,6 +20,7 @@ from profiles.compensations.force_null import SURE as SURE_OF_FORCE
 from profiles.compensations.force_null import ForceNull, Sign
 from profiles.compensations.learning import SURE
 from profiles.compensations.path import PathHarmonic
+from profiles.files import printable
 from profiles.metrology.conformity import JudgedFigure, ToleranceKind, passes_all
 from profiles.metrology.cylindricity import LEAST_SQUARES, CylinderResult
 from profiles.metrology.length_causes import LengthCause, LengthCauseKind
@@ -176,7 +177,12 @@ def u_words(figure: JudgedFigure, text: Catalogue) -> str:
 
 
 def rule_words(figure: JudgedFigure, text: Catalogue) -> str:
-    """Return by which rule a figure was judged, with its guard; that U is not stated without a gauge."""
+    """Return by which rule a figure was judged, with its guard; that U is not stated, or its gauge expired."""
+    expired = text("judged.expired", date=printable(figure.expired)) if figure.expired else ""
+    return ", ".join(filter(None, (_rule_words(figure, text), expired)))
+
+
+def _rule_words(figure: JudgedFigure, text: Catalogue) -> str:
     if figure.rule is None or figure.u_um is None:
         rule = "" if figure.rule is None else f", {text(f'judged.rule.{figure.rule}')}"
         return text("judged.no_u") + rule

@@ -18,6 +18,7 @@ from profiles.calibration.lobe import INDEX, OVAL, find_lobe
 from profiles.job import Job
 from profiles.lobe.lobe_fit import FittedHarmonic, fit_lobe
 from profiles.metrology.turns import several_turns
+from profiles.metrology.uncertainty import KnownGauge
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import evaluate
 from profiles.trace_files.header import TraceHeader, header_of
@@ -78,11 +79,12 @@ def part_harmonics(
     extra: Iterable[int] = (),
     beside: Sequence[int] = (),
     robust: bool = False,
+    gauge: KnownGauge | None = None,
 ) -> PartHarmonics:
     """Return the harmonics of a part of this job; `filter_upr` filters its RONt, `extra` are further orders.
 
     Those of `beside` are fitted for themselves: they change nothing of the others, and where the trace cannot
-    separate them they are missing.
+    separate them they are missing. With a `gauge` no standard error is below the uncertainty of that at its order.
     Raises `ProfileError`: what the fit, or the roundness of such a trace, refuses.
     """
     found = find_lobe(trace, job, extra=extra, robust=robust)
@@ -106,10 +108,11 @@ def part_harmonics(
             own -= complex(fitted[1].cos_um, -fitted[1].sin_um) ** 2 / (4000.0 * header.radius_of(job))
         seen = own.conjugate() if header.against_spindle else own
         placed[harmonic.n] = seen * cmath.exp(-1j * harmonic.n * math.radians(begins_deg))
+    least_um = {} if gauge is None else gauge.order_sd_um(placed, trace.angle_deg.size)
     return PartHarmonics(
         mean_um=found.fit.mean_um,
         coefficients_um=placed,
-        sd_um={n: harmonic.sd_um for n, harmonic in fitted.items()},
+        sd_um={n: max(harmonic.sd_um, least_um.get(n, 0.0)) for n, harmonic in fitted.items()},
         angle_deg=angle_deg,
         deviation_um=deviation_um,
         against_spindle=header.against_spindle,

@@ -17,7 +17,8 @@ its form error falls with the order, so that the lobe has more of it than the av
 s^2 is therefore that of its order, see `profiles.metrology.noise_spectrum`, unless the residual is about as
 likely white. Real traces repeat from turn to turn, so that with several turns each is fitted for itself, too,
 and the larger of the two standard errors is reported: by the residuals (M - k degrees of freedom, fewer where
-s^2 is that of an order), by the T turns (T - 1).
+s^2 is that of an order), by the T turns (T - 1). The 95 % half-width by the residuals is wider than that by the
+standard error: it is of all spectra that the residuals allow (`NoiseSpectrum.half_width_at`).
 
 A harmonic is significant where A exceeds its sd by sqrt(2 F) with F the 95 % point of Fisher's F of 2 and as many
 degrees of freedom (2.45 for many), and 1e-6 um, below which there is only rounding. Small amplitudes come out too
@@ -29,6 +30,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,7 +56,7 @@ class FittedHarmonic:
     """amplitude cos(n (angle - phase)): one harmonic; phase in [0, 360/n) deg of the angle of the trace.
 
     `cos_um` and `sin_um` are p and q. `sd_um` and `sd_deg` are standard errors of amplitude and phase, `ci_um`
-    and `ci_deg` half-widths for 95 % by Student's t. `sd_deg` is at most 360 / (n sqrt 12), the sd of an
+    and `ci_deg` half-widths for 95 %. `sd_deg` is at most 360 / (n sqrt 12), the sd of an
     entirely unknown phase, and `ci_deg` at most 180 / n.
     """
 
@@ -153,7 +155,10 @@ def fit_lobe(
     left_n, left_um, floor_um = _most_left(noise, orders, root_weight)
     return LobeFit(
         jaws=jaws,
-        harmonics=tuple(_harmonic(n, place, beta, covariances[n]) for place, n in enumerate(orders)),
+        harmonics=tuple(
+            _harmonic(n, place, beta, covariances[n], noise.half_width_at(n) ** 2 * found.cofactors)
+            for place, n in enumerate(orders)
+        ),
         mean_um=float(beta[0]),
         noise_um=math.sqrt(noise.level),
         points=deviation.size,
@@ -231,15 +236,28 @@ def _covariances(
     return {n: [(variance * found.cofactors, freedom), *by_turns] for n, (variance, freedom) in at.items()}
 
 
-def _harmonic(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, float]]) -> FittedHarmonic:
-    """Return one harmonic; its standard errors are the largest by any of the covariances (with their freedom)."""
+def _harmonic(
+    n: int, place: int, beta: Floats, covariances: list[tuple[Floats, float]], squares: Floats
+) -> FittedHarmonic:
+    """Return one harmonic; its standard errors are the largest by any of the covariances (with their freedom).
+
+    `squares` are those of the 95 % half-widths by the residuals, as a covariance; the turns may show more.
+    """
     both = harmonic_slice(place)
     p, q = (float(part) for part in beta[both])
     amplitude = math.hypot(p, q)
     along = np.array([p, q]) / amplitude if amplitude else np.array([1.0, 0.0])
     across = np.array([-along[1], along[0]])
     radial, tangential = (
-        max((math.sqrt(max(float(way @ c[both, both] @ way), 0.0)), freedom) for c, freedom in covariances)
+        max((_root(way @ c[both, both] @ way), freedom) for c, freedom in covariances) for way in (along, across)
+    )
+    turns = covariances[1:]
+    radial_ci, tangential_ci = (
+        max(
+            _root(way @ squares[both, both] @ way),
+            *(student(f) * _root(way @ c[both, both] @ way) for c, f in turns),
+            0.0,
+        )
         for way in (along, across)
     )
     unknown_deg = 360.0 / n / math.sqrt(12.0)
@@ -252,10 +270,14 @@ def _harmonic(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, 
         phase_deg=math.degrees(math.atan2(q, p)) / n % (360.0 / n),
         sd_um=radial[0],
         sd_deg=min(tangential[0] * to_deg, unknown_deg) if amplitude else unknown_deg,
-        ci_um=student(radial[1]) * radial[0],
-        ci_deg=min(student(tangential[1]) * tangential[0] * to_deg, 180.0 / n) if amplitude else 180.0 / n,
+        ci_um=radial_ci,
+        ci_deg=min(tangential_ci * to_deg, 180.0 / n) if amplitude else 180.0 / n,
         significant=amplitude > max(_significant_at(radial[1]) * radial[0], _LEAST_UM),
     )
+
+
+def _root(square: Any) -> float:
+    return math.sqrt(max(float(square), 0.0))
 
 
 def _significant_at(freedom: float) -> float:

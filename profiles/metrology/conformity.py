@@ -65,7 +65,7 @@ class JudgedFigure:
 
     `value_um` is None where it was not measured. `z_mm` is the section that is judged; None of CYLt,
     and where its height is not known. `u_um` is its expanded uncertainty (k = 2), None if it is not known, and
-    `rule` how it is judged with that, None without a gauge.
+    `rule` how it is judged with that, None without a gauge. `expired` is the last day of a gauge if that was over.
     """
 
     kind: ToleranceKind
@@ -74,6 +74,7 @@ class JudgedFigure:
     z_mm: float | None = None
     u_um: float | None = None
     rule: DecisionRule | None = None
+    expired: str = ""
 
     @property
     def guarded(self) -> bool:
@@ -134,12 +135,16 @@ def _share_below(distance_um: float, u_um: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureUncertainty:
-    """Expanded uncertainties (k = 2) of the figures of a part, um; None is not known. `rule` judges with them."""
+    """Expanded uncertainties (k = 2) of the figures of a part, um; None is not known. `rule` judges with them.
+
+    `expired` is the last day on which the gauge was valid, if that was over; "": it was valid.
+    """
 
     rule: DecisionRule
     roundness_um: float | None = None
     cylindricity_um: float | None = None
     diameter_um: float | None = None
+    expired: str = ""
 
     def of(self, kind: ToleranceKind) -> float | None:
         """Return that of a figure."""
@@ -186,7 +191,8 @@ def judge_part(
         found.append(JudgedFigure(kind=kind.DIAMETER, value_um=worst_um, limit_um=limit_um, z_mm=at_mm))
     if uncertainty is None:
         return tuple(found)
-    return tuple(replace(each, u_um=uncertainty.of(each.kind), rule=uncertainty.rule) for each in found)
+    rule, expired = uncertainty.rule, uncertainty.expired
+    return tuple(replace(each, u_um=uncertainty.of(each.kind), rule=rule, expired=expired) for each in found)
 
 
 def passes_all(figures: Iterable[JudgedFigure]) -> bool | None:

@@ -12,19 +12,28 @@ power at the orders that were not fitted (P. Whittle 1953: each is exponential, 
 where white noise would show one as likely in one trace of twenty at most. An order far above its neighbours is
 a harmonic of the part and is not counted as noise. A drift that does not close within the turn, close to a
 random walk, is not covered: its 95 % intervals hold about 90 %.
+
+The likeliest spectrum is still too sure of itself at the lowest orders, which lie outside of those that show it: a
+hump is flat there, a form error may rise on. A half-width is therefore of every power law and white noise,
+
+S(n) = s^2 (1 + b (n / 2)^-2q),    q from 0.25 to 3
+
+each as likely as the single orders make it (flat in q and in ln b): 95 % of the mixture of their normal
+distributions. Where the noise may be white, it is that of white noise.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from profiles.arrays import Floats, floats
-from profiles.least_squares import student
+from profiles.least_squares import CONFIDENCE, student
 
 HIGHEST_ORDER = 120  # orders up to here are evaluated one by one; those above count as a whole
 _BEYOND = 20  # minimum orders evaluated above the highest one that was fitted
@@ -37,6 +46,11 @@ _NEIGHBOURS = 4  # neighbours of an order, on each side
 _CORNERS, _HUMPS = 32, 32
 _STEEPNESS = (1.0, 2.0, 3.0)
 _MOST_HUMP = 1e6
+_FALLS, _SIZES = np.arange(0.25, 3.01, 0.25), np.geomspace(0.1, _MOST_HUMP, 24)  # q and b of the power laws
+_SECOND = 2.0  # order at which b is the size of a power law
+_NEVER = 1e-6  # likelihood, of the largest, of what does not count
+_FAR, _CLOSE = 6.0, 1e-9  # in standard deviations: beyond, and how exactly a half-width is found
+_STEEPEST = 4  # power of the order by which the power of a form error falls at most where a line is looked for
 _PRIOR = 0.1  # prior on the logarithms of hump and corner: within a factor of 20
 
 
@@ -58,18 +72,47 @@ class Hump:
         return self.level * float(shape[0]), max(2.0 / doubt, 1.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class NoiseSpectrum:
     """The effective variance at each order, with its degrees of freedom.
 
     `level` is that of white noise, of `freedom`; `humps` are those that are about as likely, none where the noise
-    may be white. `powers` are those of the residuals, by order from 1: |sum e exp(-j n angle)|^2 / M.
+    may be white. `powers` are those of the residuals, by order from 1: |sum e exp(-j n angle)|^2 / M. `single` are
+    the orders that show noise alone.
     """
 
     level: float
     freedom: float
     powers: Floats
     humps: tuple[Hump, ...] = ()
+    single: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=np.int_))
+
+    @cached_property
+    def _laws(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """The power laws, one after the other: how likely, s^2, b, and -2 q."""
+        falls, sizes = np.meshgrid(-2.0 * _FALLS, np.append(0.0, _SIZES), indexing="ij")
+        shapes = 1.0 + sizes[..., None] * (self.single / _SECOND) ** falls[..., None]
+        powers = self.powers[self.single - 1]
+        levels = (powers / shapes).mean(axis=2)
+        likely = -np.log(levels[..., None] * shapes).sum(axis=2)
+        likely = np.exp(likely - likely.max())
+        kept = likely > _NEVER
+        return likely[kept] / likely[kept].sum(), levels[kept], sizes[kept], falls[kept]
+
+    def half_width_at(self, n: int) -> float:
+        """Return the half-width that holds 95 % of an order whose cofactor is 1."""
+        from scipy.special import erf
+
+        if not self.humps:
+            return student(self.freedom) * math.sqrt(self.level)
+        likely, levels, sizes, falls = self._laws
+        sd = np.sqrt(2.0 * levels * (1.0 + sizes * (n / _SECOND) ** falls))
+        below, above = 0.0, _FAR * float(sd.max())
+        while above - below > _CLOSE * above:
+            middle = 0.5 * (below + above)
+            held = float(likely @ erf(middle / sd))
+            below, above = (middle, above) if held < CONFIDENCE else (below, middle)
+        return above
 
     def variance_at(self, n: int) -> tuple[float, float]:
         """Return the variance at an order and its degrees of freedom, by the least certain of the spectra."""
@@ -92,8 +135,9 @@ def noise_spectrum(angle_deg: Floats, left: Floats, fitted: Sequence[int], param
     if orders.size < _LEAST_ORDERS or level <= 0.0:
         return white
     single = orders[~_lines(powers[orders - 1])]
+    lines = _lines(powers[orders - 1]) & _lines(powers[orders - 1] * orders.astype(np.float64) ** _STEEPEST)
     judged, counts, places = _with_the_rest(powers, single, orders, freedom, level, angle_deg.size)
-    return replace(white, humps=_humps(level, judged / level, counts, places))
+    return replace(white, humps=_humps(level, judged / level, counts, places), single=orders[~lines])
 
 
 def _powers(angle_deg: Floats, left: Floats, highest: int) -> Floats:

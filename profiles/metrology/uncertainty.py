@@ -67,6 +67,41 @@ _SOURCES: Mapping[str, tuple[tuple[str, ...], str]] = {
 }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownGauge:
+    """A gauge as its file states it, and its own error, which is taken off its readings; None: not known."""
+
+    profile: GaugeProfile
+    error: GaugeError | None = None
+
+    def order_sd_um(self, phasors_um: Mapping[int, complex], points: int) -> dict[int, float]:
+        """Return the standard uncertainty of each order of a part that was read in so many points, um.
+
+        It is that of one component of the phasor, from what is stated: of the spindle, of noise, of the
+        amplification and of the start mark. What is stated of RONt is taken as if all of it were at this order.
+        """
+        own, found = self.profile, dict[int, float]()
+        spindle = self._spindle_sd_um()
+        of_ront_um = (own.repeat_um or 0.0) / 2.0
+        noise_um = (own.probe_noise_um or 0.0) * math.sqrt(2.0 / points)
+        for n, phasor_um in phasors_um.items():
+            gain_um = 0.01 * (own.probe_gain_percent or 0.0) / _SQRT_3 * abs(phasor_um)
+            turned_um = n * math.radians(own.set_up_angle_deg or 0.0) * abs(phasor_um)
+            if own.roundness_u_um is not None:
+                found[n] = math.hypot(own.roundness_u_um / COVERAGE_FACTOR / 2.0, turned_um)
+            else:
+                found[n] = math.hypot(spindle.get(n, 0.0), noise_um, of_ront_um, gain_um, turned_um)
+        return found
+
+    def _spindle_sd_um(self) -> dict[int, float]:
+        """Return that of the spindle, at the orders where it is not 0 or not known."""
+        own, sd_um = self.profile, {} if self.error is None else _order_sd_um(self.error)
+        stated = LOW_ORDERS if own.spindle_error_upr is None else (own.spindle_error_upr,)
+        places = stated if self.error is None else [n for n, um in sd_um.items() if not math.isfinite(um)]
+        stated_um = (own.spindle_error_um or 0.0) / math.sqrt(2.0 * len(places)) if places else 0.0
+        return sd_um | dict.fromkeys(places, stated_um)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FormSpectrum:
     """What a gauge has measured: the phasors of S filtered sections, (S, K), um, and their heights (S,), mm.
@@ -147,6 +182,7 @@ class UncertaintyBudget:
             "RONt_U_um": own.roundness_um,
             "CYLt_U_um": own.cylindricity_um,
             "diameter_U_um": own.diameter_um,
+            "gauge_expired": own.expired or None,
             "budget": [asdict(each) for each in self.rows],
         }
 
@@ -196,7 +232,10 @@ def _order_sd_um(error: GaugeError) -> dict[int, float]:
 def points_budget(gauge: GaugeProfile) -> UncertaintyBudget:
     """Return what is known without sections (points, a V-block): what a certificate states of the form."""
     known = FigureUncertainty(
-        rule=gauge.rule, cylindricity_um=gauge.cylindricity_u_um, diameter_um=gauge.diameter_u_um
+        rule=gauge.rule,
+        cylindricity_um=gauge.cylindricity_u_um,
+        diameter_um=gauge.diameter_u_um,
+        expired=gauge.valid_until if gauge.expired else "",
     )
     return UncertaintyBudget(gauge=gauge.name, rows=(), expanded=known)
 
@@ -246,7 +285,11 @@ def uncertainty_budget(
             if any(each != 0.0 for each in row)
         ),
         expanded=FigureUncertainty(
-            rule=gauge.rule, roundness_um=own[0], cylindricity_um=own[1], diameter_um=own[2]
+            rule=gauge.rule,
+            roundness_um=own[0],
+            cylindricity_um=own[1],
+            diameter_um=own[2],
+            expired=gauge.valid_until if gauge.expired else "",
         ),
     )
 

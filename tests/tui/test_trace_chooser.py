@@ -16,12 +16,14 @@ import pytest
 from rich.cells import cell_len
 from textual.widgets import Input
 
-from console.session.station.commands import TakeTrace
+from console.session.station.commands import MeasureTurned, TakeTrace
 from console.session.station.state import Activity, StationState
 from console.tui.lines import plain_text
 from console.tui.pages.inspect import InspectPage
 from console.tui.ui_context import View
+from drivers.cutting.strategy import Strategy
 from profiles.traces import Trace, write_trace
+from tests.tui.scenes import AFTER, part
 from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, experiment, grid, ui_for
 
 CUT = StationState(activity=Activity.READY, cut_done=True, simulated=False)
@@ -100,6 +102,19 @@ async def test_the_newest_file_is_offered_and_enter_takes_it_for_the_part(tmp_pa
     sha256 = hashlib.sha256(newest.read_bytes()).hexdigest()
     taken = TakeTrace(path=newest, sha256=sha256, job=work.job, loaded=work.loaded, answers={})
     assert staged.control.orders == [taken]
+
+
+async def test_key_r_takes_the_file_of_the_part_turned_on_its_gauge(tmp_path: Path) -> None:
+    newest = gauge(tmp_path, "turned.csv", state="free", direction="ccw", start_mark="jaw 1")
+    async with Staged(tmp_path) as staged:
+        await staged.do("inspect.turned")
+        assert [problem.code for problem in staged.page.ui.key_answer] == ["gauge.no_first"]
+    async with Staged(tmp_path, replace(CUT, measured=part(Strategy.CAM, AFTER))) as staged:
+        await staged.do("inspect.turned")
+        assert "turned by 90 deg" in staged.next_step
+        await staged.do("inspect.next")
+    (order,) = staged.control.orders
+    assert isinstance(order, MeasureTurned) and order.second is not None and order.second.path == newest
 
 
 async def test_what_the_file_does_not_state_is_answered_before_it_is_taken(tmp_path: Path) -> None:

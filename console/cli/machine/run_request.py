@@ -10,8 +10,8 @@ from console.cli.arguments import DEFAULT_PLANT, INDICATOR
 from console.cli.library import (
     along_as_there,
     data_of,
-    gauge_of,
     job_of,
+    known_gauge_of,
     known_lathe,
     lathe_parts_of,
     machine_of,
@@ -34,6 +34,7 @@ from console.session.data.learned_store import (
 from console.session.data.measured_part import newest_part
 from console.session.errors import SessionError
 from console.session.learning.fingerprint import FingerprintedCut
+from console.session.learning.gauge_errors import error_told
 from console.session.learning.learning import COMPARED, refuse_unlearnable, refuse_untrimmed
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage, nominal_path
@@ -53,9 +54,9 @@ from profiles.compensations.learned_compensation import (
 )
 from profiles.compensations.path import CutPath
 from profiles.files import printable
-from profiles.gauge import GaugeProfile
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.metrology.uncertainty import KnownGauge
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
 
@@ -84,7 +85,7 @@ class RunRequest:
     fingerprint: FingerprintedCut | None = None
     felt: bool = False
     lathe_parts: LatheParts | None = None
-    gauge: GaugeProfile | None = None
+    gauge: KnownGauge | None = None
 
     @property
     def which(self) -> WhichLathe | None:
@@ -127,6 +128,7 @@ def plan_request(options: Namespace) -> RunRequest:
         fingerprint="" if fingerprint is None else fingerprint.made,
     )
     _refuse_beside_learning(options, plan, measured=address is None)
+    gauge = known_gauge_of(options, lathe)
     return RunRequest(
         job=job,
         machine=loaded,
@@ -140,12 +142,13 @@ def plan_request(options: Namespace) -> RunRequest:
             *loaded.warnings,
             *_of_versions(options, job, loaded, learned, asked),
             *plan.warnings,
+            *(() if gauge is None or address is not None else error_told(gauge.error)),
             *(() if fingerprint is None else fingerprint.clamped.warnings),
         ),
         fingerprint=fingerprint,
         felt=options.fingerprint is not None,
         lathe_parts=lathe_parts,
-        gauge=gauge_of(options),
+        gauge=gauge,
     )
 
 

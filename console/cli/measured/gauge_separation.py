@@ -7,11 +7,17 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from console.cli.arguments import number_or_nan
-from console.cli.library import data_of, naming
+from console.cli.library import data_of, gauge_of, naming
 from console.cli.parser import Parser
 from console.session.data.kept_files import utc_now
 from console.session.learning.evaluated_part import fold_turns
-from console.session.learning.gauge_errors import keep_error, newest_error, spell_drift, without_gauge_error
+from console.session.learning.gauge_errors import (
+    filed_without_error,
+    keep_error,
+    newest_error,
+    refuse_same_file,
+    spell_drift,
+)
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.files import printable
@@ -19,9 +25,10 @@ from profiles.metrology.harmonics import HIGHEST_HARMONIC, harmonic
 from profiles.metrology.separation import BY_EYE_DEG, GaugeError, OrderApart, Placement, Separation, separate
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import evaluate, profile_of
+from profiles.trace_files.gauge_error import take_error_off
 from profiles.trace_files.header import header_of
 from profiles.trace_files.sections import SurfacePoints, TraceSection, parse_surface
-from profiles.traces import Trace, read_trace_file
+from profiles.traces import read_trace_file
 
 LARGEST_DEG = 360.0
 NO_NAME = "gauge"  # in the trace, where its error is not kept
@@ -32,7 +39,7 @@ class SeparatedFiles:
     """What readings of one part show of their gauge, the first one without it, and RONt of all as they were read.
 
     `kept` is the file of the gauge's error, None if it was not asked for; `drift_um` how it has changed since the
-    last one, by order.
+    last one, by order. `turning_sd_deg` is how exactly the part was turned, by the file of the gauge or by eye.
     """
 
     found: Separation
@@ -41,6 +48,7 @@ class SeparatedFiles:
     read_um: tuple[float, ...]
     kept: Path | None
     drift_um: dict[int, float] | None
+    turning_sd_deg: float
 
 
 def placements(words: str) -> tuple[Placement, ...]:
@@ -57,7 +65,7 @@ def placements(words: str) -> tuple[Placement, ...]:
 def separate_files(options: Namespace) -> SeparatedFiles:
     """Separate the files of the command line, one section each, and keep the error of the gauge if asked to.
 
-    Raises ProfileError: those of the files; `separation.sections`; as `separate`.
+    Raises ProfileError: those of the files; `separation.sections`; as `refuse_same_file` and `separate`.
     """
     files, readings, sections, read_um = [], [], [], []
     for name in (options.file, *options.others):
@@ -77,10 +85,13 @@ def separate_files(options: Namespace) -> SeparatedFiles:
         files.append((Path(name).name, content))
         sections.append(section)
         read_um.append(result.ront_um)
-    found = separate(readings, options.separate, turning_sd_deg=BY_EYE_DEG)
+    refuse_same_file(files)
+    gauge = gauge_of(options)
+    sd_deg = BY_EYE_DEG if gauge is None or gauge.set_up_angle_deg is None else gauge.set_up_angle_deg
+    found = separate(readings, options.separate, turning_sd_deg=sd_deg)
     kept, drift_um, name = None, None, options.save_gauge_error
     error = found.error_of(name or NO_NAME, utc_now()[:10], "")
-    first, _ = without_gauge_error(sections[0].trace, error)
+    first = take_error_off(sections[0].trace, error)
     if name is not None:
         before = newest_error(data_of(options), name)
         kept, error = keep_error(data_of(options), name, found, files)
@@ -92,10 +103,11 @@ def separate_files(options: Namespace) -> SeparatedFiles:
         read_um=tuple(read_um),
         kept=kept,
         drift_um=drift_um,
+        turning_sd_deg=sd_deg,
     )
 
 
-def take_error_off(
+def without_kept_error(
     options: Namespace, found: tuple[TraceSection, ...] | SurfacePoints
 ) -> tuple[tuple[TraceSection, ...] | SurfacePoints, tuple[Problem, ...]]:
     """Return readings without the kept error of the gauge `--gauge-error`, and what is to be told of that.
@@ -105,13 +117,7 @@ def take_error_off(
     name = options.gauge_error
     if (error := newest_error(data_of(options), name)) is None:
         raise ProfileError(Problem(code="gauge.error_unknown", key=printable(name)))
-    if isinstance(found, SurfacePoints):
-        points = Trace(angle_deg=found.angle_deg, deviation_um=found.deviation_um, meta=found.meta)
-        trace, off = without_gauge_error(points, error)
-        return replace(found, deviation_um=trace.deviation_um, meta=trace.meta), off
-    each = [without_gauge_error(section.trace, error) for section in found]
-    sections = [replace(section, trace=trace) for section, (trace, _) in zip(found, each, strict=True)]
-    return tuple(sections), each[0][1]
+    return filed_without_error(found, error)
 
 
 def separation_fields(apart: SeparatedFiles) -> dict[str, object]:
@@ -119,7 +125,7 @@ def separation_fields(apart: SeparatedFiles) -> dict[str, object]:
     found = apart.found
     return {
         "placements": [asdict(each) for each in found.placements],
-        "turning_sd_deg": BY_EYE_DEG,
+        "turning_sd_deg": apart.turning_sd_deg,
         "noise_um": found.noise_um,
         "RONt_as_read_um": list(apart.read_um),
         "orders": [_fields(each) for each in found.orders],
@@ -171,7 +177,12 @@ def separation_lines(apart: SeparatedFiles, text: Catalogue) -> list[str]:
         *table(rows, numeric=(0, 1, 2, 3, 4, 5)),
         text("separation.blind", orders=blind) if blind else text("separation.not_blind"),
         text("separation.never", highest=HIGHEST_HARMONIC),
-        text("separation.turning", deg=f"{BY_EYE_DEG:g}", value=f"{worst.turning_um:.3f}", n=worst.gauge.upr),
+        text(
+            "separation.turning",
+            deg=f"{apart.turning_sd_deg:g}",
+            value=f"{worst.turning_um:.3f}",
+            n=worst.gauge.upr,
+        ),
     ]
     if apart.kept is not None:
         error = apart.error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 
-from console.cli.arguments import STAGES, add_shared, compensation, list_parser, number, whole_number
+from console.cli.arguments import STAGES, add_gauge, add_shared, compensation, list_parser, number, whole_number
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 from drivers.cutting.strategy import INVERTING
@@ -23,6 +23,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--strategy", choices=[*map(str, INVERTING)], help=text("help.learn.strategy"))
     parser.add_argument("--stage", choices=STAGES[1:], help=text("help.learn.stage"))
     parser.add_argument("--identified", metavar="FILE", help=text("help.learn.identified"))
+    add_gauge(parser, text)
     parser.add_argument("--gain", metavar="GAIN", type=number, help=text("help.learn.gain"))
     parser.add_argument("--extra", metavar="N,N", type=list_parser(whole_number), help=text("help.learn.extra"))
     parser.add_argument("--robust", action="store_true", help=text("help.calibrate.robust"))

@@ -12,16 +12,25 @@ from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from console.cli.library import data_of, name_file_in_problems, naming
+from console.cli.library import data_of, known_gauge_of, name_file_in_problems, naming
+from console.cli.measured.roundness_report import budget_lines
 from console.cli.output import show, tell
+from console.session.cut.recording import budget_event
+from console.session.cut.run import FILTER_UPR
 from console.session.data.calibrated_chuck import CalibratedMachine
 from console.session.data.kept_files import is_ahead, utc_now
 from console.session.data.learned_store import asked_for, elsewhere_problems, store, versions
 from console.session.data.measured_part import KEYS, SECTION_Z
 from console.session.data.run_reader import run_of_trace, story
 from console.session.errors import SessionError
-from console.session.learning.evaluated_part import read_section_file
-from console.session.learning.learning_steps import SIMULATED, LearningOutcome, learn_from_trace, revert_version
+from console.session.learning.evaluated_part import FiledSections, fold_turns, read_section_file
+from console.session.learning.learning_steps import (
+    SIMULATED,
+    LearningOutcome,
+    lathe_of,
+    learn_from_trace,
+    revert_version,
+)
 from console.session.learning.part_learning import record_accepted
 from console.session.learning.provenance import taken_before
 from console.session.learning.row_faults import diagnose_parts, find_faults
@@ -43,9 +52,13 @@ from profiles.compensations.learned_compensation import (
 from profiles.compensations.next_version import Contraction, LearningStep
 from profiles.files import printable
 from profiles.forecast import LEAST_FORECAST_UM, forecast_um, is_below_forecast
-from profiles.metrology.cylindricity import cylinder_event
+from profiles.job import Job
+from profiles.metrology.cylindricity import cylinder_event, part_section
+from profiles.metrology.uncertainty import KnownGauge, UncertaintyBudget, part_budget
 from profiles.problem import Problem
 from profiles.store import LoadedJob
+from profiles.trace_files.header import GAUGE_ERROR, header_of
+from profiles.trace_files.sections import TraceSection
 
 
 def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, text: Catalogue) -> None:
@@ -55,6 +68,9 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
     """
     data, where = data_of(options), printable(options.file)
     filed = read_section_file(Path(options.file), job.job)
+    gauge = known_gauge_of(options, lathe_of(filed.trace))
+    if gauge is not None and gauge.error is not None:
+        filed = read_section_file(Path(options.file), job.job, gauge.error)
     content, trace = filed.content, filed.trace
     if options.sim and trace.meta.get(SIMULATED[0]) != SIMULATED[1]:
         raise SessionError(Problem(code="learned.not_simulated", where=where, limit=": ".join(SIMULATED)))
@@ -72,6 +88,7 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
             date=utc_now(),
             extra=options.extra or (),
             sections=filed.sections,
+            gauge=gauge,
         )
     if taken := taken_before(data, hashlib.sha256(content).hexdigest(), None, found.made):
         raise SessionError(*name_file_in_problems(taken, where))
@@ -84,6 +101,7 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
     fails = _fails(found, job)
     diagnosis = _diagnosis(data, content, found, job, machine) if fails else None
     asked, form = options.keep or bool(reasons), cylinder_event(filed.whole)
+    budget = None if gauge is None else _budget(gauge, job.job, filed)
     show(
         options,
         lambda: {
@@ -91,18 +109,36 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
             "diagnosis": diagnosis_fields(diagnosis),
             SECTION_Z: filed.section_z_mm,
             **form,
+            **budget_event(budget),
             "kept": kept and str(kept),
             "warnings": warnings,
         },
         lambda: [
             at_height(filed.section_z_mm, text),
             *([f"{text('run.whole')}: {form_words(form, text)}"] if filed.whole else []),
+            *budget_lines(budget, text),
             *_step_lines(found, text, fails=fails, diagnosis=diagnosis),
             *_kept_lines(following, kept, asked, options, text),
         ],
     )
     if refused:
         raise SessionError(*reasons)
+
+
+def _budget(gauge: KnownGauge, job: Job, filed: FiledSections) -> UncertaintyBudget:
+    """Return the uncertainty of a part in a file, of which only the judged section counts if it has no form."""
+    (header, _), meta = header_of(filed.trace.meta), filed.trace.meta
+    whole = filed.sections if filed.whole is not None else (TraceSection(z_mm=0.0, trace=filed.trace),)
+    turns = (TraceSection(z_mm=each.z_mm, trace=fold_turns(each.trace, header)[0]) for each in whole)
+    return part_budget(
+        gauge.profile,
+        [part_section(each) for each in turns],
+        None,
+        filter_upr=FILTER_UPR,
+        header=header,
+        job=job,
+        error=gauge.error if GAUGE_ERROR in meta else None,
+    )
 
 
 def _record_learning_step(data: Path, content: bytes, kept: LearnedCompensation) -> tuple[Problem, ...]:
@@ -167,7 +203,11 @@ def list_or_revert(options: Namespace, job: LoadedJob, machine: CalibratedMachin
 
 
 def _refuse_unused(options: Namespace) -> None:
-    unused = [key for key in (*KEYS, "identified", "gain", "extra") if getattr(options, key) is not None]
+    unused = [
+        key
+        for key in (*KEYS, "identified", "gain", "extra", "gauge", "accept")
+        if getattr(options, key) is not None
+    ]
     if options.list and options.keep:
         unused.append("keep")
     if value := ", ".join(f"--{key}" for key in unused):

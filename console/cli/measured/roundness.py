@@ -67,7 +67,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         separate_files,
         separation_fields,
         separation_lines,
-        take_error_off,
+        without_kept_error,
     )
     from console.cli.measured.roundness_report import (
         budget_lines,
@@ -99,7 +99,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     if apart is None:
         sections = read_surface([Path(file) for file in (options.file, *options.others)])
         if options.gauge_error is not None:
-            sections, off = take_error_off(options, sections)
+            sections, off = without_kept_error(options, sections)
     else:
         sections = (apart.first,)
     told = tell(off, text)

@@ -33,9 +33,9 @@ from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import way_problems
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.fingerprint.readings import ClampReadings
-from profiles.gauge import GaugeProfile
 from profiles.job import Job
 from profiles.metrology.cylindricity import PartSection
+from profiles.metrology.uncertainty import KnownGauge
 from profiles.problem import Problem
 from profiles.traces import Trace
 
@@ -99,7 +99,7 @@ class CutContext:
     `commissioned` returns every reason why the machine, as the snapshot shows it, may not cut. Whoever connects
     for one cut alone calls `admit` once the controller answers, before anything is written. `sets_spindle` says
     that the workshop sets the spindle for the cut and switches it off afterwards. `recorder` keeps the telemetry.
-    `gauge` is what the parts are measured on, None if it is not stated.
+    `gauge` is what the parts are measured on, None if it is not stated; its known error is taken off them.
     """
 
     lathe: Lathe
@@ -108,7 +108,7 @@ class CutContext:
     admit: Callable[[], None] = lambda: None
     sets_spindle: bool = False
     recorder: CutRecorder = field(default_factory=CutRecorder)
-    gauge: GaugeProfile | None = None
+    gauge: KnownGauge | None = None
 
     @property
     def simulated(self) -> bool:

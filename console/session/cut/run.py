@@ -46,6 +46,7 @@ from profiles.metrology.uncertainty import UncertaintyBudget, part_budget
 from profiles.problem import Problem, ProblemError
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.rules import check
+from profiles.trace_files.gauge_error import sections_without, take_error_off
 from profiles.trace_files.header import header_of
 from profiles.traces import Trace
 
@@ -245,6 +246,7 @@ class CutOutcome:
     trace: Trace | None
     figures: CutFigures
     collisions: tuple[str, ...]
+    sections: tuple[PartSection, ...] = ()
     whole: CylinderResult | None = None
     budget: UncertaintyBudget | None = None
     force: ForceNull | None = None
@@ -332,16 +334,19 @@ def _switch_on(context: CutContext, job: Job, *, homed: bool, blank: bool) -> No
 def _outcome(context: CutContext, job: Job, end: CutEnd, tell: Tell, *, measured: bool) -> CutOutcome:
     if end.figures is None:
         raise SessionError(nothing_seen(job))
-    workshop, trace, whole, budget = context.workshop, None, None, None
+    workshop, gauge = context.workshop, context.gauge
+    trace, sections, whole, budget = None, tuple[PartSection, ...](), None, None
     if workshop is not None and measured:
         tell(PartStep.MEASURE, "")
-        trace = workshop.measure()
-        sections = workshop.sections()
+        error = None if gauge is None else gauge.error
+        trace, sections = take_error_off(workshop.measure(), error), sections_without(workshop.sections(), error)
         whole = measured_whole(sections)
-        budget = measured_budget(context.gauge, job, trace, sections)
+        budget = None if gauge is None else measured_budget(gauge.profile, job, trace, sections, error)
         context.recorder.record_measured_part(job, trace, whole, sections, budget)
     collisions = () if workshop is None else workshop.look().collisions
-    return CutOutcome(trace=trace, figures=end.figures, collisions=collisions, whole=whole, budget=budget)
+    return CutOutcome(
+        trace=trace, figures=end.figures, collisions=collisions, sections=sections, whole=whole, budget=budget
+    )
 
 
 def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionError:

@@ -33,8 +33,11 @@ from profiles.metrology.conformity import (
     passes_all,
 )
 from profiles.metrology.length_causes import CAUSES, LengthCause, LengthCauseKind
-from profiles.problem import Problem
-from profiles.strict_values import from_json, number, number_or_none, text, whole_number
+from profiles.metrology.separation import GaugeError
+from profiles.problem import Problem, refusal_error
+from profiles.strict_values import from_json, number, number_or_none, record, text, whole_number
+from profiles.trace_files.gauge_error import take_error_off
+from profiles.trace_files.header import GAUGE_ERROR
 from profiles.trace_files.sections import parse_sections
 from profiles.traces import Trace
 
@@ -413,6 +416,7 @@ class RecordedPart:
             roundness_um=number_or_none(found.get("RONt_U_um")),
             cylindricity_um=number_or_none(found.get("CYLt_U_um")),
             diameter_um=number_or_none(found.get("diameter_U_um")),
+            expired=str(found.get("gauge_expired") or ""),
         )
 
     def figure(self, kind: ToleranceKind) -> JudgedFigure | None:
@@ -443,6 +447,8 @@ class RecordedPart:
     def read_trace(self) -> Trace | None:
         """Parse the trace of the judged section, with the operator's answers in its header; None without one.
 
+        The error of its gauge is taken off where it was for the verdict.
+
         Raises ProfileError: it cannot be read.
         """
         if self.trace is None:
@@ -451,7 +457,19 @@ class RecordedPart:
         trace = sections[place if isinstance(place, int) and 0 <= place < len(sections) else 0].trace
         answers = self.data.get("answers")
         given = {k: v for k, v in answers.items() if isinstance(v, str)} if isinstance(answers, Mapping) else {}
-        return replace(trace, meta=MappingProxyType({**trace.meta, **given}))
+        return take_error_off(replace(trace, meta=MappingProxyType({**trace.meta, **given})), self._gauge_error)
+
+    @property
+    def _gauge_error(self) -> GaugeError | None:
+        """The error of its gauge, to be taken off the trace as it was filed; ProfileError: it is damaged."""
+        if (kept := self.data.get(GAUGE_ERROR)) is None:
+            return None
+        try:
+            return record(GaugeError, kept)
+        except (TypeError, ValueError) as wrong:
+            raise refusal_error(
+                "file.unreadable", where=self.trace_name or "", value=printable(str(wrong))
+            ) from wrong
 
 
 def column_values(columns: Iterable[Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from console.session.cut.alignment import AlignStep, force_problems, step_problems, table_problems
 from console.session.cut.jaw_by_indicator import READINGS, allowed_spread_deg, spread_problem
-from console.session.guide.measured_part import run_id_of, why_not_accepted, why_not_reverted
+from console.session.guide.measured_part import why_not_accepted, why_not_reverted
 from console.session.guide.rows import Condition, Row, at_step, is_always_due
 from console.session.guide.situation import GuidePhase, Situation, phase_of
 from console.session.guide.start_checks import failing
@@ -199,8 +199,8 @@ _INSPECT: dict[str, tuple[Against, ...]] = {
         (lambda s: not s.state.cut_done, _because("session.nothing_cut")),
     ),
     "inspect.turned": (
-        (lambda s: not s.state.simulated, _because("gauge.turn_elsewhere")),
         (lambda s: s.state.moving, _because("machine.moving")),
+        (lambda s: s.state.measured is None and not s.state.simulated, _because("gauge.no_first")),
         (lambda s: s.state.measured is None, _because("gauge.no_reading")),
     ),
     "inspect.accept": (
@@ -219,7 +219,6 @@ _INSPECT: dict[str, tuple[Against, ...]] = {
         (lambda s: s.state.moving, _because("machine.moving")),
     ),
     "inspect.export": (_NO_PART,),
-    "inspect.identify": ((lambda s: run_id_of(s.state) is None, _because("trace.no_part")),),
     **{action: (_NO_PART,) for action in LOOKS},
     **{f"inspect.{name}": ((is_always_due, _because("screen.traces_closed")),) for name in _OF_CHOOSER},
 }

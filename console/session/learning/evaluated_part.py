@@ -19,6 +19,7 @@ from console.session.cut.recording import mean_diameter_of
 from console.session.cut.run import FILTER_UPR, measured_whole
 from console.session.data.measured_part import RecordedPart, is_other_lathe
 from console.session.errors import SessionError, refuse
+from console.session.learning.gauge_errors import filed_without_error
 from console.session.learning.learning_steps import is_simulated, lathe_of
 from profiles.arrays import Floats, read_only
 from profiles.files import printable
@@ -35,6 +36,7 @@ from profiles.metrology.cylindricity import (
     part_section,
 )
 from profiles.metrology.harmonics import Harmonic
+from profiles.metrology.separation import GaugeError
 from profiles.metrology.turns import Turns, several_turns, tool_offset_um
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult, centred_profile, evaluate
@@ -224,18 +226,22 @@ def read_gauge_file(
     simulated: bool,
     lathe: str = "",
     others: tuple[Path, ...] = (),
+    error: GaugeError | None = None,
 ) -> EvaluatedPart:
     """Read the sections in a file, or in several, for a part of `job`, cut with jaw 1 where the job has it.
 
     `answers` replace the keys of `QUESTIONS` that the file does not state; `simulated`: the part was cut in a
     simulator, `lathe` names the simulated lathe, "" if unknown. It is judged by the section nearest to the middle
-    of the cut. Of points that are no sections only `whole` is known; a warning says so.
+    of the cut. Of points that are no sections only `whole` is known; a warning says so. The `error` of its gauge
+    is taken off, and a warning says so.
 
     Raises ProfileError: the file cannot be read, or its points cannot be evaluated.
     """
     content, filed = _read_files(path, others)
+    filed, off = filed_without_error(filed, error)
     if isinstance(filed, SurfacePoints):
-        return _points_of_file(path, content, filed, job, answers, simulated=simulated, lathe=lathe)
+        found = _points_of_file(path, content, filed, job, answers, simulated=simulated, lathe=lathe)
+        return replace(found, warnings=(*off, *found.warnings))
     heights = filed[0].z_mm is not None
     asked = _list_questions(header_of(filed[0].trace.meta)[0], heights=heights)
     given = {key: answers[key] for key in asked if key in answers}
@@ -257,7 +263,7 @@ def read_gauge_file(
         job=job,
         asked=asked,
         open=tuple(key for key in _list_questions(header, heights=heights) if key not in given),
-        warnings=warnings,
+        warnings=(*off, *warnings),
         problems=(*_refusals(traces[place], header, simulated=simulated, lathe=lathe), *outside),
         sections=tuple(sorted(on_part, key=lambda each: each.z_mm or 0.0)),
         section_z_mm=heights_mm[place],
@@ -281,7 +287,7 @@ class FiledSections:
     """The sections of a file at the angles of the file, in the job's Z; `trace` is the one at `section_z_mm`.
 
     `whole` is their form over the length, None where they do not tell it; `doubts` are what is doubtful in the
-    other sections.
+    other sections, and that an error of the gauge was taken off.
     """
 
     content: bytes = field(repr=False)
@@ -292,7 +298,7 @@ class FiledSections:
     doubts: tuple[Problem, ...]
 
 
-def read_section_file(path: Path, job: Job) -> FiledSections:
+def read_section_file(path: Path, job: Job, error: GaugeError | None = None) -> FiledSections:
     """Read the sections in a file for a part of `job`, with what its header states and nothing besides.
 
     Raises ProfileError: as `parse_sections`; `trace.unanswered`, several that do not state `# z_from`;
@@ -300,6 +306,7 @@ def read_section_file(path: Path, job: Job) -> FiledSections:
     """
     where = printable(str(path))
     content, filed = _read_files(path, ())
+    filed, off = filed_without_error(filed, error)
     if isinstance(filed, SurfacePoints):
         raise ProfileError(no_sections(filed, where))
     header, _ = header_of(filed[0].trace.meta)
@@ -318,7 +325,7 @@ def read_section_file(path: Path, job: Job) -> FiledSections:
         trace=filed[place].trace,
         section_z_mm=heights_mm[place],
         whole=whole_of([TraceSection(z_mm=z, trace=turn) for z, turn in turns], job),
-        doubts=_results_of(turns, place, header, job)[1],
+        doubts=(*off, *_results_of(turns, place, header, job)[1]),
     )
 
 

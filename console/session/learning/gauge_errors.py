@@ -6,20 +6,31 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import date, timedelta
+from itertools import combinations
 from pathlib import Path
-from types import MappingProxyType
 
 from console.session.data.calibrations import Calibration, newest, record_problem, store
 from console.session.data.kept_files import utc_now
-from profiles.arrays import read_only
-from profiles.metrology.harmonics import harmonic
+from console.session.gauge_in_use import gauge_in_use
+from profiles.files import printable
+from profiles.gauge import GaugeProfile
 from profiles.metrology.separation import VALID_DAYS, GaugeError, Separation
-from profiles.problem import Problem
+from profiles.metrology.uncertainty import KnownGauge
+from profiles.problem import Problem, ProfileError
 from profiles.strict_values import record
+from profiles.trace_files.gauge_error import spell_error, take_error_off
 from profiles.trace_files.header import GAUGE_ERROR
+from profiles.trace_files.sections import SurfacePoints, TraceSection
 from profiles.traces import Trace
 
 KIND = "gauge-error"
+
+
+def refuse_same_file(files: Sequence[tuple[str, bytes]]) -> None:
+    """Refuse one file as two placements (`separation.same_file`): all of it would be the gauge's error."""
+    for (first, content), (name, other) in combinations(files, 2):
+        if content == other:
+            raise ProfileError(Problem(code="separation.same_file", where=printable(name), value=printable(first)))
 
 
 def keep_error(
@@ -58,6 +69,48 @@ def newest_error(data: Path, gauge: str) -> GaugeError | None:
     return error
 
 
+def simulated_gauge(lathe: object) -> str:
+    """Return the name of the gauge of a simulated lathe: each has one of its own."""
+    return f"simulated-gauge {lathe}"
+
+
+def known_gauge(data: Path, gauge: GaugeProfile, lathe: str = "") -> KnownGauge:
+    """Return a gauge with the error kept of it, else with that of the gauge of a simulated `lathe`, if any.
+
+    Raises ProfileError: `gauge.error_outdated`, after the last day of the error; as `newest_error`.
+    """
+    error = newest_error(data, gauge.name)
+    if error is None and lathe:
+        error = newest_error(data, simulated_gauge(lathe))
+    if error is not None and is_outdated(error):
+        raise ProfileError(Problem(code="gauge.error_outdated", key=error.gauge, value=error.valid_until))
+    return KnownGauge(profile=gauge, error=error)
+
+
+def error_in_use(data: Path, machine: str, *, simulated: bool) -> GaugeError | None:
+    """Return the error kept of the gauge that reads the files of a machine, None without one.
+
+    Files of a simulated lathe are of its own gauge. Raises ProfileError: as `gauge_in_use` and `newest_error`.
+    """
+    gauge = None if simulated else gauge_in_use(data, machine)
+    return None if gauge is None else newest_error(data, gauge.name)
+
+
+def is_outdated(error: GaugeError) -> bool:
+    """Whether the last day of an error is over."""
+    return bool(error.valid_until) and utc_now()[:10] > error.valid_until
+
+
+def error_told(error: GaugeError | None) -> tuple[Problem, ...]:
+    """Return that the error of a gauge was taken off, and what it is; or that it is too old for that."""
+    if error is None:
+        return ()
+    if is_outdated(error):
+        return (Problem(code="gauge.error_expired", key=error.gauge, value=error.valid_until),)
+    words = spell_error(error).removeprefix(f"{error.gauge} ")
+    return (Problem(code="gauge.error_off", key=error.gauge, value=words),)
+
+
 def without_gauge_error(trace: Trace, error: GaugeError | None) -> tuple[Trace, tuple[Problem, ...]]:
     """Return a reading without the error of its gauge, and what is to be told of that.
 
@@ -65,17 +118,22 @@ def without_gauge_error(trace: Trace, error: GaugeError | None) -> tuple[Trace, 
     """
     if error is None or GAUGE_ERROR in trace.meta:
         return trace, ()
-    if error.valid_until and utc_now()[:10] > error.valid_until:
-        return trace, (Problem(code="gauge.error_expired", key=error.gauge, value=error.valid_until),)
-    words = spell_error(error)
-    corrected = replace(
-        trace,
-        deviation_um=read_only(trace.deviation_um - error.at_um(trace.angle_deg)),
-        meta=MappingProxyType({**trace.meta, GAUGE_ERROR: words}),
-    )
-    return corrected, (
-        Problem(code="gauge.error_off", key=error.gauge, value=words.removeprefix(f"{error.gauge} ")),
-    )
+    return trace if is_outdated(error) else take_error_off(trace, error), error_told(error)
+
+
+def filed_without_error(
+    filed: tuple[TraceSection, ...] | SurfacePoints, error: GaugeError | None
+) -> tuple[tuple[TraceSection, ...] | SurfacePoints, tuple[Problem, ...]]:
+    """Return what is in a file without the error of its gauge, and what is to be told of that, as for a trace."""
+    meta = filed.meta if isinstance(filed, SurfacePoints) else filed[0].trace.meta
+    if error is None or GAUGE_ERROR in meta:
+        return filed, ()
+    if not is_outdated(error):
+        if isinstance(filed, SurfacePoints):
+            filed = take_error_off(filed, error)
+        else:
+            filed = tuple(replace(each, trace=take_error_off(each.trace, error)) for each in filed)
+    return filed, error_told(error)
 
 
 def error_drift(error: GaugeError, last: GaugeError) -> tuple[Problem, ...]:
@@ -87,11 +145,3 @@ def error_drift(error: GaugeError, last: GaugeError) -> tuple[Problem, ...]:
 def spell_drift(drift_um: Mapping[int, float]) -> str:
     """Return the change of each order in words, "" without any."""
     return ", ".join(f"{n} UPR {um:.3f} um" for n, um in drift_um.items())
-
-
-def spell_error(error: GaugeError) -> str:
-    """Return name, date and orders, so that a reading can be had back, and where it is blind."""
-    waves = (harmonic(each.upr, each.cosine_um, each.sine_um) for each in error.proven)
-    words = ", ".join(f"{w.n} UPR {w.amplitude_um:.3f} um at {w.phase_deg:.1f} deg" for w in waves)
-    blind = f" (blind at {', '.join(map(str, error.blind))} UPR)" if error.blind else ""
-    return f"{error.gauge} {error.date}: {words or '0 um'}{blind}"

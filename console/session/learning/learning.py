@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from console.session.cut.engine import CutContext, PartStep
@@ -210,9 +209,13 @@ class _Learner:
 
     def _teaching(self, trace: Trace) -> PartHarmonics:
         """Return the harmonics of a part, or refuse it by the rule that `console learn` and the screen share."""
-        part = part_harmonics(trace, self._job, filter_upr=FILTER_UPR, beside=self._orders.beside)
+        part = self._harmonics(trace)
         refuse(part.reasons)
         return part
+
+    def _harmonics(self, trace: Trace) -> PartHarmonics:
+        how: dict[str, Any] = {"beside": self._orders.beside, "gauge": self._context.gauge}
+        return part_harmonics(trace, self._job, filter_upr=FILTER_UPR, **how)
 
     def _cut_uncompensated(self, job: Job, name: str) -> CutOutcome:
         return self._cut_part(job, self._plan_part(job, UNCOMPENSATED, Stage.FULL, None), name)
@@ -332,8 +335,7 @@ class _Learner:
         gain = FIRST_GAIN if number == 1 else LATER_GAIN
         push = watch.left_push()
         tool_off = replace(tool_off, mean_um=tool_off.mean_um - push.in_middle_um)
-        workshop = self._context.workshop
-        sections = () if workshop is None else sections_like(trace, workshop.sections())
+        sections = sections_like(trace, outcome.sections)
         learned, certificate = self._learn_from(trim_um, trace, tool_off, gain, push, sections)
         return LearnedPart(
             roundness=roundness_of(trace),
@@ -419,8 +421,7 @@ class _Learner:
         orders = self._orders
         if not self._how.along:
             return ()
-        of_trace = partial(part_harmonics, job=self._job, filter_upr=FILTER_UPR, beside=orders.beside)
-        parts = parts_along(sections, self._job, self._machine, push.um, of_trace)
+        parts = parts_along(sections, self._job, self._machine, push.um, self._harmonics)
         rules = AxialRules(
             lobes=self._job.jaws,
             orders=frozenset(orders.learned) - orders.varying,

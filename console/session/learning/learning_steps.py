@@ -75,6 +75,7 @@ from profiles.lobe.along import along_cut, known_within
 from profiles.lobe.cut_error import middle_mm
 from profiles.machine import MachineProfile
 from profiles.metrology.cylindricity import PartSection
+from profiles.metrology.uncertainty import KnownGauge
 from profiles.problem import Problem
 from profiles.store import LoadedJob, LoadedMachine
 from profiles.trace_files.header import header_of
@@ -128,10 +129,12 @@ def learn_from_trace(
     date: str,
     extra: tuple[int, ...] = (),
     sections: Sequence[TraceSection] = (),
+    gauge: KnownGauge | None = None,
 ) -> LearningOutcome:
     """Return the learning step from the trace of a part; `said` states its cut, see `made_with`.
 
     `identified` is the file of the response that the cut has inverted, `extra` are further harmonics to learn.
+    `gauge` has measured it: each order is at least as uncertain as that says.
 
     Raises:
         ProblemError: the part is of another simulated lathe than the recorded cuts; it is not of the stated
@@ -149,7 +152,7 @@ def learn_from_trace(
     made = made_with(said, trace.meta, parts_made(cuts))
     its = next((data for kind, data, _ in cuts if made in parts_made([(kind, data, "")])), "{}")
     how: dict[str, Any] = {"gain": gain, "robust": robust, "date": date, "extra": extra}
-    how |= {"tool_um": tool_lobe_um(its), "push_um": push_um(its), "sections": sections}
+    how |= {"tool_um": tool_lobe_um(its), "push_um": push_um(its), "sections": sections, "gauge": gauge}
     found = learn_from_part(trace, job, machine, data, made, identified, **how)
     return replace(found, warnings=(*cut_date_problems(cuts, asked.job), *found.warnings))
 
@@ -169,6 +172,7 @@ def learn_from_part(
     tool_um: complex = 0j,
     push_um: float = 0.0,
     sections: Sequence[TraceSection] = (),
+    gauge: KnownGauge | None = None,
 ) -> LearningOutcome:
     """Return the learning step from a part `made` in this way; the other arguments as for `learn_from_trace`.
 
@@ -178,12 +182,13 @@ def learn_from_part(
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
     """
     filed, of = job.job, RecordedCut(trace=trace, job=job, machine=machine, made=made, tool_um=tool_um)
-    read = _read_part(of, data, identified, extra=extra, robust=robust)
+    read = _read_part(of, data, identified, extra=extra, robust=robust, gauge=gauge)
     known, asked, follows, orders, beside = read.known, read.asked, read.follows, read.orders, read.beside
     part, cut, stage, strategy = read.part, read.cut, read.stage, Strategy(made.strategy)
+    fitted: dict[str, Any] = {"extra": extra, "beside": beside, "robust": robust, "gauge": gauge}
     scatter = scatter_um(filed, machine.machine)
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
-    of_trace = partial(_part, job=filed, made=made, extra=extra, beside=beside, robust=robust)
+    of_trace = partial(_part, job=filed, made=made, **fitted)
     parts = parts_along(sections, filed, machine.machine, push_um, of_trace)
     header, _ = header_of(trace.meta)
     sized = header.radius_mm is not None and header.size != "relative"
@@ -261,6 +266,7 @@ def _read_part(
     *,
     extra: tuple[int, ...] = (),
     robust: bool = False,
+    gauge: KnownGauge | None = None,
 ) -> _ReadPart:
     trace, made, filed, machine = of.trace, of.made, of.job.job, of.machine.machine
     strategy, stage = _strategy_and_stage(made)
@@ -272,7 +278,7 @@ def _read_part(
     follows = follows_by_order(strategy, machine, filed.spindle_speed_rpm, inverted)
     orders = _orders(filed, strategy, extra, follows)
     beside = _further_orders(strategy, orders, follows)
-    part = _part(trace, filed, made, extra, beside, robust=robust)
+    part = _part(trace, filed, made, extra=extra, beside=beside, robust=robust, gauge=gauge)
     cut = _cut_with(path, stage, version, known, filed)
     cut = replace(cut, tool_um=of.tool_um * cmath.exp(-1j * filed.jaws * math.radians(_turned_deg(filed, made))))
     cut, part = of_mean_clamping(cut, part, made.fingerprint, filed.jaws, lambda n: follows(n).response)
@@ -357,12 +363,9 @@ def lathe_of(trace: Trace) -> str:
     return trace.meta.get(LATHE, "") if is_simulated(trace) else ""
 
 
-def _part(
-    trace: Trace, job: Job, made: MadeWith, extra: tuple[int, ...], beside: tuple[int, ...], *, robust: bool
-) -> PartHarmonics:
+def _part(trace: Trace, job: Job, made: MadeWith, **fitted: Any) -> PartHarmonics:
     """Return the harmonics of a part, turned to where the file of its job has jaw 1."""
-    cut = as_cut(job, made)
-    part = part_harmonics(trace, cut, filter_upr=FILTER_UPR, extra=extra, beside=beside, robust=robust)
+    part = part_harmonics(trace, as_cut(job, made), filter_upr=FILTER_UPR, **fitted)
     return part.turn_by(_turned_deg(job, made))
 
 

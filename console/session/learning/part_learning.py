@@ -19,6 +19,7 @@ from console.session.learning.row_faults import NO_FAULTS, RowFaults
 from console.session.operator import operator_name
 from profiles.compensations.learned_compensation import LearnedCompensation
 from profiles.compensations.next_version import LearningStep
+from profiles.metrology.uncertainty import KnownGauge
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
 from profiles.trace_files.sections import TraceSection
@@ -54,6 +55,7 @@ def learning_of(
     machine: LoadedMachine,
     data: Path,
     sections: Sequence[TraceSection] = (),
+    gauge: KnownGauge | None = None,
 ) -> PartLearning:
     """Return the learning step from a part that was cut by `job` as saved; None if `name` was edited.
 
@@ -64,7 +66,7 @@ def learning_of(
         return PartLearning(made=made, problems=(Problem(code="learned.edited_part", key=name),))
     try:
         how: dict[str, Any] = {"gain": None, "robust": False, "date": utc_now()}
-        how |= {"tool_um": part.tool_lobe_um, "push_um": part.push_um, "sections": sections}
+        how |= {"tool_um": part.tool_lobe_um, "push_um": part.push_um, "sections": sections, "gauge": gauge}
         taught = learn_from_part(trace, job, machine, data, made, **how)
     except ProblemError as error:
         return PartLearning(made=made, problems=tuple(error.problems))

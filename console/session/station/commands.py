@@ -274,8 +274,14 @@ class Measure(Command):
     """Release the part and take its roundness trace (the simulated gauge)."""
 
 
+@dataclass(frozen=True, kw_only=True)
 class MeasureTurned(Command):
-    """Measure the last part again, turned on the simulated gauge, and take the error of the gauge off."""
+    """Take the error of the gauge off the last part, which was measured again, turned on the gauge.
+
+    `second` is the file of that, None on the simulated gauge, which measures it now.
+    """
+
+    second: TakeTrace | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,13 +14,14 @@ from console.session.cut.engine import CutContext, Workshop
 from console.session.cut.interlocks import of_drives, of_home
 from console.session.cut.recording import CutRecorder, LogRecorder
 from console.session.cut.telemetry import NO_LAG, Lag
+from console.session.data.measured_part import CutPart
 from console.session.data.records import RunRecord
 from console.session.data.run_rows import problem_events
 from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError, refuse
 from console.session.station.actions import alarm_events, command_event
 from console.session.station.alarms import Alarms, Priority, clear_alarms, raise_alarm
-from console.session.station.commands import Adjust, Command, HoldFeed, ResumeFeed
+from console.session.station.commands import Adjust, Command, HoldFeed, ResumeFeed, TakeTrace
 from console.session.station.link.onlookers import Onlookers
 from console.session.station.link.reopening import ConnectionReopener
 from console.session.station.machine_connection import CommissioningGate
@@ -35,10 +36,11 @@ from drivers.pmac.client import PmacClient
 from drivers.requests.side_line import SideLine
 from drivers.simulator.plant.which_lathe import WhichLathe
 from drivers.simulator.plant.workshop_view import Truth
+from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.metrology.cylindricity import PartSection
 from profiles.problem import Problem
-from profiles.store import LoadedMachine
+from profiles.store import LoadedJob, LoadedMachine
 from profiles.traces import Trace
 
 
@@ -85,6 +87,16 @@ class Checkpoint:
     restore: Callable[[], None]
 
 
+@dataclass(frozen=True, kw_only=True)
+class FiledPart:
+    """The last part that was judged by a file: what was chosen, its cut, and its job, `loaded` if it was saved."""
+
+    command: TakeTrace
+    cut: CutPart
+    job: Job
+    loaded: LoadedJob | None
+
+
 @dataclass(kw_only=True, eq=False)
 class Training:
     """A lathe in the hands of an instructor, and its time: `speed` is that of the time when it is not paused.
@@ -114,7 +126,7 @@ class StationContext:
     is in `training`. `parts` counts the cuts of this session that were made to their end. `side` sends what worker
     threads ask, between two polls. `pause_problem` says why an order without a date is not obeyed just now.
     `begins` is how a simulated lathe is taken over, None at power-up. `reading` is what the simulated gauge read
-    of the last part, None after a file was taken.
+    of the last part, None after a file was taken; that is `filed` then.
     """
 
     lathe: Lathe
@@ -133,6 +145,7 @@ class StationContext:
     expected_lag: Lag = NO_LAG
     started: ArmedCut | None = None
     reading: tuple[Trace, tuple[PartSection, ...]] | None = None
+    filed: FiledPart | None = None
     record: RunRecord | None = None
     seen: Callable[[Snapshot], None] | None = None
     limits_seen: frozenset[str] = frozenset()

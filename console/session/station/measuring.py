@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -26,15 +26,23 @@ from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError
 from console.session.gauge_in_use import gauge_in_use
 from console.session.learning.calibrating import PartLobe, lobe_of
-from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file, refuse_unready
-from console.session.learning.gauge_errors import error_drift, keep_error, newest_error, without_gauge_error
+from console.session.learning.evaluated_part import EvaluatedPart, fold_turns, read_gauge_file, refuse_unready
+from console.session.learning.gauge_errors import (
+    error_drift,
+    error_in_use,
+    keep_error,
+    newest_error,
+    refuse_same_file,
+    simulated_gauge,
+    without_gauge_error,
+)
 from console.session.learning.learning_steps import as_cut, sections_like
 from console.session.learning.part_learning import learning_event, learning_of
 from console.session.learning.provenance import of_this_part
 from console.session.learning.row_faults import RowFaults, diagnose_parts, find_faults
 from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, MeasureTurned, TakeTrace
-from console.session.station.context import StationContext
+from console.session.station.context import FiledPart, StationContext
 from console.session.station.readings import refuse_far
 from console.session.station.state import ArmedCut, MeasuredForm, MeasuredPart
 from drivers.cutting.strategy import Strategy
@@ -43,12 +51,13 @@ from profiles.gauge import GaugeProfile
 from profiles.job import Job
 from profiles.lobe.cut_error import middle_mm
 from profiles.metrology.cylindricity import LEAST_SQUARES, CylinderResult, cylinder_event, part_section
-from profiles.metrology.separation import GaugeError, Placement, separate
+from profiles.metrology.separation import BY_EYE_DEG, GaugeError, Placement, separate
 from profiles.metrology.turns import mean_diameter_mm
-from profiles.metrology.uncertainty import UncertaintyBudget, points_budget
+from profiles.metrology.uncertainty import KnownGauge, UncertaintyBudget, points_budget
 from profiles.problem import Problem, ProblemError, ProfileError
 from profiles.roundness import profile_of
 from profiles.store import LoadedJob
+from profiles.trace_files.gauge_error import sections_without
 from profiles.trace_files.header import GAUGE_ERROR, header_of
 from profiles.traces import Trace, trace_content
 
@@ -58,7 +67,7 @@ def measure_simulated(context: StationContext) -> None:
     started = context.started
     if context.shop is None or started is None:
         raise SessionError(Problem(code="session.no_gauge"))
-    context.reading = context.shop.measure(), context.shop.sections()
+    context.reading, context.filed = (context.shop.measure(), context.shop.sections()), None
     error = newest_error(context.records, _gauge_of(context))
     part, trace = _judge_reading(context, started, _just_cut(context, started), error)
     run_id = None if context.record is None else context.record.run_id
@@ -70,38 +79,90 @@ def measure_simulated(context: StationContext) -> None:
     _publish(context, part)
 
 
-def measure_turned(context: StationContext, _: MeasureTurned) -> None:
-    """Measure the last part turned by 90 deg on the simulated gauge, and judge it without the gauge's error.
+def measure_turned(context: StationContext, command: MeasureTurned) -> None:
+    """Judge the last part without the error of its gauge, by a second measurement of it, turned by 90 deg.
 
     The error is kept as the gauge's own; the part is recorded again in its run.
 
     Raises:
-        SessionError: `session.no_gauge`; `gauge.no_reading`, the last part was not measured on it.
+        SessionError: `session.no_gauge`; `gauge.no_reading`, the last part was not measured on it; `_take_turned`.
         ProfileError: as `separate` and `keep_error`.
     """
+    if command.second is not None:
+        try:
+            _take_turned(context, command.second)
+        except ProfileError as refused:  # as of a single file
+            raise SessionError(*refused.problems) from refused
+        return
     started, before, reading = context.started, context.state.measured, context.reading
     if context.shop is None:
         raise SessionError(Problem(code="session.no_gauge"))
     if started is None or before is None or reading is None:
         raise SessionError(Problem(code="gauge.no_reading"))
     traces = reading[0], context.shop.measure(turned_deg=TURNED_DEG)
-    radius_mm = started.job.finished_radius_mm
-    centred = [profile_of(each.angle_deg, each.deviation_um, None, radius_mm=radius_mm) for each in traces]
-    found = separate(centred, (Placement(turned_deg=0.0), Placement(turned_deg=TURNED_DEG)))
-    gauge, contents = _gauge_of(context), [(GAUGE, trace_content(each)) for each in traces]
-    last = newest_error(context.records, gauge)
-    _kept, error = keep_error(context.records, gauge, found, contents)
+    contents = [(GAUGE, trace_content(each)) for each in traces]
+    error, told = _separated(context, _gauge_of(context), traces, contents, started.job.finished_radius_mm)
     cut = replace(_just_cut(context, started), run_id=before.run_id)
-    part, trace = _judge_reading(context, started, cut, error, () if last is None else error_drift(error, last))
+    part, trace = _judge_reading(context, started, cut, error, told)
     part = replace(part, marks_mm=before.marks_mm)
     if part.run_id is not None:
         add_to_run(context.records, part.run_id, "measured", _event(part), _part_to_record(part, trace))
     _publish(context, part)
 
 
+def _take_turned(context: StationContext, command: TakeTrace) -> None:
+    """Judge the last file again, without the error of its gauge by the file of the part turned on that.
+
+    Raises:
+        SessionError: `gauge.no_first`, no file was taken; `gauge.none_chosen`; `separation.sections`, one of them
+            has no section, or not the same; `trace.changed`, and as `take_trace`.
+        ProfileError: as `measure_turned`.
+    """
+    filed, before, gauge = context.filed, context.state.measured, _gauge(context)
+    if filed is None or before is None:
+        raise SessionError(Problem(code="gauge.no_first"))
+    if gauge is None:
+        raise SessionError(Problem(code="gauge.none_chosen"))
+    both = [_read(context, each, filed.cut, filed.job, None) for each in (filed.command, command)]
+    for each in both:
+        if each.is_points or each.section_z_mm != both[0].section_z_mm:
+            value = _Z.format(each.section_z_mm)
+            raise SessionError(
+                Problem(
+                    code="separation.sections", where=each.name, value=value, limit=_Z.format(both[0].section_z_mm)
+                )
+            )
+    turns = [fold_turns(each.trace, each.header)[0] for each in both]
+    contents = [(each.name, each.content) for each in both]
+    refuse_same_file(contents)
+    radius_mm, sd_deg = both[0].header.radius_of(filed.job), gauge.set_up_angle_deg
+    error, told = _separated(context, gauge.name, turns, contents, radius_mm, sd_deg)
+    _take_file(context, filed, error, told)
+
+
+def _separated(
+    context: StationContext,
+    gauge: str,
+    traces: Sequence[Trace],
+    contents: Sequence[tuple[str, bytes]],
+    radius_mm: float,
+    sd_deg: float | None = None,
+) -> tuple[GaugeError, tuple[Problem, ...]]:
+    """Return the error of a gauge by two placements, which is kept, and by how much it has drifted.
+
+    `sd_deg` is how exactly the part was turned, None for a mark by eye.
+    """
+    centred = [profile_of(each.angle_deg, each.deviation_um, None, radius_mm=radius_mm) for each in traces]
+    placements = (Placement(turned_deg=0.0), Placement(turned_deg=TURNED_DEG))
+    found = separate(centred, placements, turning_sd_deg=BY_EYE_DEG if sd_deg is None else sd_deg)
+    last = newest_error(context.records, gauge)
+    _kept, error = keep_error(context.records, gauge, found, contents)
+    return error, () if last is None else error_drift(error, last)
+
+
 def _gauge_of(context: StationContext) -> str:
     """Return the name of the simulated gauge: each simulated lathe has one of its own."""
-    return GAUGE if context.shop is None else f"simulated-gauge {context.shop.which}"
+    return GAUGE if context.shop is None else simulated_gauge(context.shop.which)
 
 
 def _judge_reading(
@@ -114,11 +175,7 @@ def _judge_reading(
     """Return the part on the simulated gauge without the error of that, and the trace by which it is judged."""
     assert context.reading is not None
     trace, off = without_gauge_error(context.reading[0], error)
-    sections = context.reading[1]
-    if error is not None and GAUGE_ERROR in trace.meta:
-        sections = tuple(
-            replace(each, deviation_um=each.deviation_um - error.at_um(each.angle_deg)) for each in sections
-        )
+    sections = sections_without(context.reading[1], error if GAUGE_ERROR in trace.meta else None)
     header, _ = header_of(trace.meta)
     found = EvaluatedPart(
         trace=trace,
@@ -130,12 +187,13 @@ def _judge_reading(
         sections=sections_like(trace, sections),
     )
     sha256 = hashlib.sha256(trace.deviation_um.tobytes()).hexdigest()
-    part = _judge_part(context, cut, started.loaded, found, (GAUGE, sha256))
+    error = error if GAUGE_ERROR in trace.meta else None
+    part = _judge_part(context, cut, started.loaded, found, (GAUGE, sha256), error)
     part = replace(part, whole=measured_whole(sections), sections=sections, section_z_mm=middle_mm(started.job))
-    return replace(part, budget=_budget_of(context, part, error if GAUGE_ERROR in trace.meta else None)), trace
+    return replace(part, budget=_budget_of(context, part, error)), trace
 
 
-GAUGE = "simulated gauge"
+GAUGE, _Z = "simulated gauge", "Z {} mm"
 TURNED_DEG = 90.0  # of the second placement
 
 MOST_OFFSET_UM = 200.0
@@ -153,12 +211,22 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     """
     if not context.lathe.snapshot().at_rest:
         raise SessionError(Problem(code="machine.moving"))
-    in_chuck = context.state.cut_done
     cut, job, loaded = _cut_of(context, command)
+    try:
+        error = error_in_use(context.records, context.state.machine, simulated=context.shop is not None)
+    except ProfileError as refused:
+        raise SessionError(*refused.problems) from refused
+    _take_file(context, FiledPart(command=command, cut=cut, job=job, loaded=loaded), error)
+
+
+def _read(
+    context: StationContext, command: TakeTrace, cut: CutPart, job: Job, error: GaugeError | None
+) -> EvaluatedPart:
+    """Return the part in a file as it was chosen, without the error of its gauge; raises as `take_trace`."""
     try:
         simulated = context.shop is not None
         how: dict[str, Any] = {"simulated": simulated, "lathe": cut.lathe, "others": command.others}
-        found = read_gauge_file(command.path, job, command.answers, **how)
+        found = read_gauge_file(command.path, job, command.answers, error=error, **how)
     except ProfileError as refused:  # a bad file is a refusal: nothing is wrong with the machine
         raise SessionError(*refused.problems) from refused
     if found.sha256 != command.sha256:
@@ -166,16 +234,29 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     run_id = context.record.run_id if cut.run_id is None and context.record is not None else cut.run_id
     found = of_this_part(found, context.records, run_id)
     refuse_unready(found)
+    return found
+
+
+def _take_file(
+    context: StationContext, filed: FiledPart, error: GaugeError | None, told: tuple[Problem, ...] = ()
+) -> None:
+    """Judge a part by its file, without the `error` of its gauge; raises as `take_trace`."""
+    command, cut, job, loaded = filed.command, filed.cut, filed.job, filed.loaded
+    in_chuck = context.state.cut_done
+    found = _read(context, command, cut, job, error)
+    found = replace(found, warnings=(*told, *found.warnings))
+    error = error if GAUGE_ERROR in found.trace.meta else None
     if found.is_points:
         _take_form(context, command, cut, job, found)
         return
-    part = _judge_part(context, cut, loaded, found, (found.name, found.sha256))
-    part = replace(part, budget=_budget_of(context, part))
-    context.reading = None
+    part = _judge_part(context, cut, loaded, found, (found.name, found.sha256), error)
+    part = replace(part, budget=_budget_of(context, part, error))
     measured = {**_event(part), **_file_event(found), **command.answers}
     asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(job), SECTION: found.place}
+    asked |= {} if error is None else {GAUGE_ERROR: asdict(error)}
     kept = _part_to_record(part, found.trace, (found.name, found.content), asked)
     part = replace(part, run_id=_keep_measured(context, cut, measured, kept))
+    context.reading, context.filed = None, replace(filed, cut=replace(cut, run_id=part.run_id))
     if in_chuck:
         context.tell(cut_done=False, alignment=unclamp_blank(context.state.alignment, context.local_time()))
     _publish(context, part)
@@ -281,11 +362,16 @@ def _judge_part(
     loaded: LoadedJob | None,
     found: EvaluatedPart,
     file: tuple[str, str],
+    error: GaugeError | None,
 ) -> MeasuredPart:
-    """Return a measured part with its learning step, or its lobe; `file` is the trace with its hash."""
+    """Return a measured part with its learning step, or its lobe; `file` is the trace with its hash.
+
+    The `error` of its gauge was taken off.
+    """
     job, strategy, phase_known = found.job, Strategy(cut.made.strategy), found.header.phase_known
     assert job is not None
-    lobe = None
+    lobe, own = None, _gauge(context)
+    gauge = None if own is None else KnownGauge(profile=own, error=error)
     if not strategy.traits.follows_lobe:
         lobe = PartLobe(loaded=loaded, file=file[0], file_sha256=file[1])
         lobe = lobe_of(found.turn, job, lobe, phase_known=phase_known, simulated=context.shop is not None)
@@ -304,7 +390,7 @@ def _judge_part(
         tool_offset_um=found.tool_offset_um,
         marks_mm=context.state.marks_mm if cut.run_id is None else (),
         learning=learning_of(
-            loaded, job.name, cut, found.trace, context.loaded_machine, context.records, found.sections
+            loaded, job.name, cut, found.trace, context.loaded_machine, context.records, found.sections, gauge
         ),
         run_id=cut.run_id,
         proven=cut.proven,
@@ -370,7 +456,7 @@ def _with_faults(context: StationContext, part: MeasuredPart) -> MeasuredPart:
 def _gauge(context: StationContext) -> GaugeProfile | None:
     """Return the gauge in use, None without one; SessionError: it cannot be read."""
     try:
-        return gauge_in_use(context.records)
+        return gauge_in_use(context.records, context.state.machine)
     except ProfileError as refused:
         raise SessionError(*refused.problems) from refused
 

@@ -184,7 +184,7 @@ class InspectPage(ChartPage):
         post = self.ui.control.post
         does: dict[str, Callable[[], object]] = {
             "inspect.measure": lambda: post(Measure()),  # the station refuses for the same reasons
-            "inspect.turned": lambda: post(MeasureTurned()),
+            "inspect.turned": self._measure_turned,
             "inspect.offset": lambda: post(CorrectTouchOff()),
             "inspect.import": self._chooser.open,
             "inspect.export": self._export,
@@ -327,6 +327,13 @@ class InspectPage(ChartPage):
             if refused.problems[0].code == LARGE_STEP:
                 self._entry.open(TYPED_OUT)
             raise
+
+    def _measure_turned(self) -> None:
+        """Measure the part turned on the simulated gauge, or choose the file of that."""
+        if self.ui.view.state.simulated:
+            self.ui.control.post(MeasureTurned())
+        else:
+            self._chooser.open(turned=True)
 
     def _answer(self, action: str) -> None:
         """Take what was typed out (Enter); any other key ends the entry."""

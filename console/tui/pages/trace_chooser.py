@@ -15,8 +15,9 @@ from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import CutPart, newest_part
 from console.session.data.trace_folder import FOLDER, trace_folder
 from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart, read_gauge_file
+from console.session.learning.gauge_errors import error_in_use
 from console.session.learning.provenance import of_this_part
-from console.session.station.commands import TakeTrace
+from console.session.station.commands import MeasureTurned, TakeTrace
 from console.session.station.state import StationState
 from console.tui.entry import EntryLine
 from console.tui.keymap import RowKey
@@ -195,10 +196,10 @@ class TraceChooser(Horizontal):
         """Whether a path is being typed."""
         return self._entry.is_open
 
-    def open(self) -> None:
-        """Show the files as they are now: folder and record are read beside the screen."""
+    def open(self, *, turned: bool = False) -> None:
+        """Show the files as they are now, or for a part `turned` on its gauge; read beside the screen."""
         self._listing.begin()
-        self._choice = Choice(folder=self._ui.data / FOLDER)
+        self._choice = Choice(folder=self._ui.data / FOLDER, turned=turned)
         self._look = self._checked = self._shown = None
 
     def close(self) -> None:
@@ -273,16 +274,15 @@ class TraceChooser(Horizontal):
         if work is None or not isinstance(found, EvaluatedPart):
             return
         loaded = None if work.edited else work.loaded
-        self._ui.control.post(
-            TakeTrace(
-                path=found.path,
-                others=found.others,
-                sha256=found.sha256,
-                job=work.job,
-                loaded=loaded,
-                answers=dict(choice.answers),
-            )
+        take = TakeTrace(
+            path=found.path,
+            others=found.others,
+            sha256=found.sha256,
+            job=work.job,
+            loaded=loaded,
+            answers=dict(choice.answers),
         )
+        self._ui.control.post(MeasureTurned(second=take) if choice.turned else take)
         self.close()
 
     def refresh_choice(self, view: View) -> None:
@@ -367,15 +367,26 @@ class TraceChooser(Horizontal):
         if look is None or look.chosen != choice.chosen:
             return None  # it has just been selected
         data, (path, *others), answers = self._ui.data, choice.chosen, dict(choice.answers)
-        simulated, part = state.simulated, look.part
+        simulated, part, machine = state.simulated, look.part, state.machine
         lathe = state.lathe if state.cut_done else "" if part is None else part.lathe
         run_id = None if part is None else part.run_id
+        as_it_is = simulated or choice.turned  # a second placement is read with the error of its gauge
 
         def read() -> EvaluatedPart:
             how: dict[str, Any] = {"simulated": simulated, "lathe": lathe, "others": tuple(others)}
-            return of_this_part(read_gauge_file(path, job, answers, **how), data, run_id)
+            error = error_in_use(data, machine, simulated=as_it_is)
+            return of_this_part(read_gauge_file(path, job, answers, error=error, **how), data, run_id)
 
-        asked = (choice.chosen, look.changed, job, tuple(sorted(answers.items())), simulated, lathe, run_id)
+        asked = (
+            choice.chosen,
+            look.changed,
+            job,
+            tuple(sorted(answers.items())),
+            simulated,
+            as_it_is,
+            lathe,
+            run_id,
+        )
         return self._reader.answer(asked, read)
 
     def _take_path(self, choice: Choice) -> None:

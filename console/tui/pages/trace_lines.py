@@ -34,7 +34,7 @@ class Choice:
     `together` are the marked files, each with sections of one part. `found` is the trace of them, or else of the
     selected file, or why it cannot be read; None: not yet.
     `part` is the part in the record that a trace is taken for, None where it is the one in the chuck (`in_chuck`)
-    or there is none.
+    or there is none. `turned`: the trace is of the last part, turned on its gauge.
     """
 
     folder: Path
@@ -47,6 +47,7 @@ class Choice:
     together: frozenset[Path] = frozenset()
     part: CutPart | None = None
     in_chuck: bool = False
+    turned: bool = False
 
     @property
     def file(self) -> Path | None:
@@ -143,7 +144,7 @@ def next_words(choice: Choice, text: Catalogue) -> str:
         return text("trace_import.next.refused")
     if found.open:
         return text("trace_import.next.answer", keys=", ".join(KEYS[key] for key in found.open))
-    return text("trace_import.next.take")
+    return text("trace_import.next.take_turned" if choice.turned else "trace_import.next.take")
 
 
 def _part_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
