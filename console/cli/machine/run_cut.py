@@ -153,6 +153,7 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
             "fingerprint": None
             if part.clamped is None
             else part_sentences.clamped_fields(part.clamped, path.target.lobes),
+            "trial_band": None if part.band is None else part.band.event(),
             "frozen": [{"n": each.order, **fields_of(each, "best_um", "grown_um")} for each in part.grown],
         },
     }
@@ -538,7 +539,9 @@ def _cut_job(
 
         if request.parts is None:
             return run(request.plan, open_machine, tell)
-        return learn(request.plan, open_machine, tell, request.parts, fingerprint=request.felt)
+        return learn(
+            request.plan, open_machine, tell, request.parts, fingerprint=request.felt, band=request.banded
+        )
     stopping = StopMonitor(interruption, text)
 
     def seen(snapshot: Snapshot) -> None:

@@ -65,7 +65,7 @@ class RunRequest:
     """`address` is None for a simulated machine in this process, which runs as fast as it is computed.
 
     `true` is the actual plant of that one, None for one as its profile says. `parts` is the length of a learning
-    series, each part of it `felt` by an indicator or not. `part_file` is the file for the trace of the part.
+    series, each part of it `felt` by an indicator, and `banded`, with a trial band, or not. `part_file` is the file for the trace of the part.
     `fingerprint` is what an indicator has shown of the clamping of a single part. `warnings` are reported before
     anything moves, among them what was learned and is not used in this cut.
     `lathe_parts` are those of the simulated lathe that it cuts, None if all of its parts are alike. `gauge` is
@@ -83,6 +83,7 @@ class RunRequest:
     warnings: tuple[Problem, ...]
     fingerprint: FingerprintedCut | None = None
     felt: bool = False
+    banded: bool = False
     lathe_parts: LatheParts | None = None
     gauge: GaugeProfile | None = None
 
@@ -144,6 +145,7 @@ def plan_request(options: Namespace) -> RunRequest:
         ),
         fingerprint=fingerprint,
         felt=options.fingerprint is not None,
+        banded=options.trial_band,
         lathe_parts=lathe_parts,
         gauge=gauge_of(options),
     )
