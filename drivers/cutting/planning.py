@@ -30,7 +30,7 @@ from profiles.lobe.along import NO_MIDDLE, along_cut, along_findings, oval_over_
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, refusal_error
 
-__all__ = ["CutPlan", "Strategy", "first_spindle_counts", "nominal_command", "plan_cut"]
+__all__ = ["CutBand", "CutPlan", "Strategy", "first_spindle_counts", "nominal_command", "plan_cut"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

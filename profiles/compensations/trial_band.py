@@ -164,7 +164,7 @@ def shown_path(readings: BandReadings, lobes: int) -> ShownPath:
 
 
 def without_play(readings: ClampReadings, lobes: int) -> ClampReadings:
-    """Return the readings of a fingerprint as a dial without play shows them; as they are of one way round alone."""
+    """Return the readings of a fingerprint as a dial without play shows them; unchanged if read one way alone."""
     if 2 * readings.places > len(readings.angle_deg):
         return readings
     columns = _columns(readings.angle_deg, lobes)

@@ -27,12 +27,11 @@ from console.session.cut.telemetry import CutFigures
 from console.session.cut.trip_cause import with_cause
 from console.session.errors import SessionError, fault_problem, refuse
 from console.session.stages import Stage, air_mm, scale_path_to_stage
-from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.planning import CutBand, CutPlan, plan_cut
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.errors import LinkError
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
-from drivers.pmac.programs.setup import CutBand
 from profiles.compensations.force_null import ForceNull
 from profiles.compensations.path import CutPath, ExpectedResidual, expect_residual
 from profiles.findings import Severity, refusals
@@ -284,7 +283,8 @@ def cut_part(
     The record has it under its `name`; one for comparison is no `product`.
 
     Without a `blank` it is an air cut, clear of what is clamped; a blank that is `clamped` already is cut so.
-    Of one that was cut before, `touched_mm` is how far. A part not to be `measured` stays clamped. With `force`, and no work `beside`, its force is checked.
+    Of one that was cut before, `touched_mm` is how far. A part not to be `measured` stays clamped. With `force`,
+    and no work `beside`, its force is checked.
 
     Raises:
         ProblemError: what went wrong, or who stopped it; the machine is at rest, or the problems say that this

@@ -14,7 +14,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from console.session.cut.engine import CutContext, PartStep
+from console.session.cut.engine import STILL_RPM, CutContext, PartStep
 from console.session.cut.run import (
     FILTER_UPR,
     CutObserver,
@@ -32,11 +32,10 @@ from console.session.learning.lobe_learning import LobeLearning
 from console.session.learning.order_learning import LearnHow, OrderLearning
 from console.session.learning.row_result import LearnedPart, LearnResult
 from console.session.stages import Stage, nominal_path
-from drivers.cutting.planning import CutPlan
+from drivers.cutting.planning import CutBand, CutPlan
 from drivers.cutting.sampling import Batch
 from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
 from drivers.identification.nominal import nominal_response
-from drivers.pmac.programs.setup import CutBand
 from profiles.axis.stiffness import held_back_um
 from profiles.compensations.axial_learning import AxialHistory, AxialRules, axial_steps, fit_axial
 from profiles.compensations.certificate import PROCESS_GAINS, CertifiedOrder, certify_push, refuse_orders
@@ -393,6 +392,7 @@ class _Learner:
         plan = self._plan_part(short, self._strategy, Stage.FULL, cut, trimmed=True)
         watch = self._cut_learner(short)
         self._cut_part(short, plan, "band", watch, number, clamped=True, measured=False)
+        self._refuse_turning()
         behind_mm = LENGTH_MM - self._machine.tool.wiper_land_mm
         tool_off, trim_um = watch.in_the_middle()
         shown = shown_path(workshop.indicate_band(behind_mm), lobes)
@@ -401,9 +401,17 @@ class _Learner:
         found = find_on_band(shown, wanted, tool_off.coefficients_um, lobes, push_um)
         self._path, corrected = self._lobe.correct(self._path, path, found, self._response)
         refuse_uncleaned(path, corrected)
+        if self._lobe.band is not None:
+            self._context.recorder.record_band(self._lobe.band.event())
         off = {n: c for n, c in self._orders.of_tool(tool_off).items() if n not in wanted}
         self._path = learned_command(self._path, off, self._response)
         return learned_command(corrected, off, self._response)
+
+    def _refuse_turning(self) -> None:
+        """Refuse to have the band read while the spindle turns: `band.spindle_turns`."""
+        if abs(rpm := self._context.lathe.spindle_rpm()) > STILL_RPM:
+            limit = f"<= {STILL_RPM:g} rpm"
+            raise SessionError(Problem(code="band.spindle_turns", value=f"{rpm:.1f} rpm", limit=limit))
 
     def _clamp_blank(self) -> ClampReadings | None:
         """Clamp the blank and return its fingerprint, None if none is taken."""

@@ -40,7 +40,8 @@ class LearnedPart:
     `tool_off` is the tool error in the middle of the cut, `air_um` the lobe error in each air pass before this
     part, peak to peak. `learned` are the harmonics that the part has changed for the next one, `grown` those no
     longer learned. `left` is what of its lobe repeats. `clamped` is its fingerprint, `trim_short` how much more
-    trim than there is it needed, um by order. `changes` are steps and drifts that it has shown, `band` is what its trial band has.
+    trim than there is it needed, um by order. `changes` are steps and drifts that it has shown, `band` is
+    what its trial band has.
     """
 
     roundness: RoundnessResult
