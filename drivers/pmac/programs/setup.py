@@ -52,6 +52,10 @@ _NAMED = re.compile(r'SEND"trilobe ((?:[0-9A-F]{3})*)"')
 _DIGITS = 3
 
 
+LATE_TURNS = 2.0
+"""Behind the end of a band the push begins late rather than early: what is cut too deep there stays."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutBand:
     """A band at the face of a blank that was cut before: its length, and the depth that is left of it, mm."""
@@ -146,7 +150,9 @@ def cut_setup(
         relaxation_ms=relaxation_ms(machine),
         land_turns=tool.wiper_land_mm / job.feed_mm_per_rev,
         watchdog=watchdog,
-        recut_turns=0.0 if before is None else (before.length_mm + 0.5 * tool.wiper_land_mm) / job.feed_mm_per_rev,
+        recut_turns=0.0
+        if before is None
+        else (before.length_mm + 0.5 * tool.wiper_land_mm) / job.feed_mm_per_rev + LATE_TURNS,
         recut_depth=0.0 if before is None else before.left_mm / job.depth_of_cut_mm,
     )
 
