@@ -394,7 +394,7 @@ class _Learner:
         self._cut_part(short, plan, "band", watch, number, clamped=True, measured=False)
         self._refuse_turning()
         behind_mm = LENGTH_MM - self._machine.tool.wiper_land_mm
-        tool_off, trim_um = watch.in_the_middle()
+        tool_off, _ = watch.in_the_middle()
         shown = shown_path(workshop.indicate_band(behind_mm), lobes)
         wanted = wanted_at(plan.target, behind_mm - 0.5 * LENGTH_MM)
         push_um = watch.entry_push_um() / (1.0 - LEFT_MM / job.depth_of_cut_mm)
