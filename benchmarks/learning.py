@@ -8,14 +8,15 @@ what a perfect controller of the same lathes leaves, that knows how their lobe c
 Each row of parts is told on the error output as it ends.
 
     python -m benchmarks.learning [--seeds 40] [--first 1] [--parts 10] [--plant realistic] [--clamping-sd 5]
-        [--job JOB ...] [--how all|lobe|fixed|before ...] [--fingerprint]
+        [--job JOB ...] [--how all|lobe|fixed|before ...] [--fingerprint] [--trial-band]
 
 `--how`: `all` is as the console learns; `constant` has one amplitude along Z, and `middle` learns nothing of the
 sections off the middle; `lobe` learns the lobe and its overtones alone; `fixed` has the gains 1 and 0.7 in place
 of the optimal ones; `before` both of these; `loop` is `all` with the gains of the tool that `console tune show`
 proposes for the first of these lathes; `unwatched` follows no step and no drift between
 parts. `--plant` is a preset or a file (docs/plant.md). `--job square` has four jaws, `six` has six, `long` a cut
-of 40 mm. With `--fingerprint` an indicator shows each clamping before it is cut.
+of 40 mm. With `--fingerprint` an indicator shows each clamping before it is cut, with
+`--trial-band` a band of each part is cut and indicated before the rest.
 """
 
 from __future__ import annotations
@@ -100,6 +101,7 @@ class Row:
     clamping_sd: float | None
     parts: int
     fingerprint: bool = False
+    band: bool = False
 
 
 def machine_file(how: str, folder: Path) -> str:
@@ -146,7 +148,7 @@ def run(row: Row, seed: int) -> dict[str, Any] | None:
 
     None where the row was ended before its last part; the console has said why on stderr.
     """
-    learning.HOW = replace(HOWS[row.how], fingerprint=row.fingerprint)
+    learning.HOW = replace(HOWS[row.how], fingerprint=row.fingerprint, band=row.band)
     said = io.StringIO()
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(said):
         path, lathe = job_file(row.job, Path(folder)), machine_file(row.how, Path(folder))
@@ -217,6 +219,7 @@ def main() -> None:
     options.add_argument("--job", nargs="+", default=JOBS[: extent(len(JOBS), 1)])
     options.add_argument("--how", nargs="+", choices=HOWS, default=["all"])
     options.add_argument("--fingerprint", action="store_true")
+    options.add_argument("--trial-band", action="store_true")
     asked = options.parse_args()
     rows = []
     if "loop" in asked.how:
@@ -231,6 +234,7 @@ def main() -> None:
                     clamping_sd=asked.clamping_sd,
                     parts=asked.parts,
                     fingerprint=asked.fingerprint,
+                    band=asked.trial_band,
                 )
                 rows.append(
                     cells(row, list(pool.map(partial(run, row), range(asked.first, asked.first + asked.seeds))))

@@ -16,7 +16,7 @@ from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.program_text import ProgramText, read_program
 from drivers.pmac.programs.pvt import fits_whole_milliseconds
-from drivers.pmac.programs.setup import SERVO, CutSetup, cut_setup
+from drivers.pmac.programs.setup import SERVO, CutBand, CutSetup, cut_setup
 from drivers.pmac.settings import settings_with
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.axis.servo import sampled_response
@@ -30,7 +30,7 @@ from profiles.lobe.along import NO_MIDDLE, along_cut, along_findings, oval_over_
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, refusal_error
 
-__all__ = ["CutPlan", "Strategy", "first_spindle_counts", "nominal_command", "plan_cut"]
+__all__ = ["CutBand", "CutPlan", "Strategy", "first_spindle_counts", "nominal_command", "plan_cut"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,13 +78,14 @@ def plan_cut(
     response: ServoResponse | None = None,
     air_mm: float = 0.0,
     trimmed: bool = False,
+    before: CutBand | None = None,
 ) -> CutPlan:
     """Plan a cut. `ts_ms` is the TS of the `paper` strategy in whole ms, None as printed.
 
     `response` is the servo response that an inverting strategy inverts: of its own path, by default that of the
     machine profile. `path` was learned for this cut and carries its own command, so it needs no response. A cut
     in air runs `air_mm` further out. A `trimmed` cut accepts corrections from the host while it cuts, see
-    `cam_trim`.
+    `cam_trim`. `before` is what was cut of the blank already.
 
     The spindle begins `from_turn` whole turns away from its index, so that it need not unwind all turns since
     homing. `watchdog` is a condition that the program checks before each turn, such as that a timer of the host
@@ -126,7 +127,7 @@ def plan_cut(
         job=job,
         machine=machine,
         dialect=DIALECTS[machine.controller.family],
-        setup=cut_setup(job, machine, start, watchdog, air_mm=air_mm),
+        setup=cut_setup(job, machine, start, watchdog, air_mm=air_mm, before=before),
         target=target,
         command=command,
         ts_ms=ts_ms,

@@ -135,6 +135,7 @@ _ANSWERS: Mapping[str, Callable[[SimulatedLathe, Mapping[str, Any], SimulationPa
     "measure": lambda lathe, request, _: _measure(lathe, request.get("turned_deg", 0.0)),
     "sections": lambda lathe, _, __: _sections(lathe),
     "indicate": lambda lathe, request, _: _indicate(lathe, request.get("places")),
+    "indicate_band": lambda lathe, request, _: asdict(lathe.indicate_band(number(request["behind_face_mm"]))),
     "truth": lambda lathe, _, __: asdict(lathe.truth()),
     "spindle": lambda lathe, request, _: lathe.set_spindle(request["rpm"]),
     "pace": lambda _, request, pace: pace.set(positive(request["speed"]) if request["speed"] else 0.0),

@@ -33,6 +33,7 @@ from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workshop import SimulatedWorkshop
 from drivers.simulator.plant.workshop_view import Truth, WorkshopView
+from profiles.compensations.trial_band import BandReadings
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -225,6 +226,10 @@ class SimulatedLathe:
     def indicate(self, places: int | None = None) -> ClampReadings:
         """Return what an indicator shows of the clamping, see `SimulatedWorkshop.indicate`."""
         return self._floor.indicate(places)
+
+    def indicate_band(self, behind_face_mm: float) -> BandReadings:
+        """Return what an indicator shows of the clamped part, see `SimulatedWorkshop.indicate_band`."""
+        return self._floor.indicate_band(behind_face_mm)
 
     def look(self) -> WorkshopView:
         """Return what an operator sees at the chuck, without counts and zeros."""

@@ -75,6 +75,17 @@ def _half_mm(job: Job, machine: MachineProfile) -> float:
     return 0.5 * (job.cut_length_mm + machine.tool.wiper_land_mm)
 
 
+def entry_push_um(
+    job: Job, machine: MachineProfile, past_middle_mm: Sequence[float], error_um: Sequence[float]
+) -> float:
+    """Return the push of a cut too short to show its decay: the tool is taken to be on its path without it.
+
+    Once the path makes up for it the tool stays at its depth; so it is that of the whole force.
+    """
+    decayed = np.exp(-(floats(past_middle_mm) + _half_mm(job, machine)) / decay_mm(job, machine))
+    return float(decayed @ floats(error_um) / (decayed @ decayed)) * (1.0 + given_back(job, machine))
+
+
 def left_push(
     job: Job, machine: MachineProfile, past_middle_mm: Sequence[float], error_um: Sequence[float]
 ) -> Push:

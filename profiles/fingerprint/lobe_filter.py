@@ -104,6 +104,16 @@ class LobeFilter:
         return self.lobe_um * (1.0 + self.scale.at_speed * float(self.mean[_S]))
 
     @property
+    def turn(self) -> complex:
+        """The factor by which the indicator turns the lobe, as its stylus is not quite at the mark."""
+        return complex(np.exp(1j * self.mean[_GI]))
+
+    @property
+    def arrives(self) -> float:
+        """The fraction of a path that arrives in the surface, 1 - a."""
+        return 1.0 - float(self.mean[_A])
+
+    @property
     def force_deviation(self) -> float:
         """By which fraction this clamping's force deviates from that of the job."""
         return float(self.mean[_S])
@@ -167,6 +177,20 @@ class LobeFilter:
             covariance = covariance.copy()
             covariance[:2, :2] += np.eye(2) * float(error @ error)
         return self._update_state(plain, covariance, lambda state: self._shown_by_part(state, path_um))
+
+    def update_by_band(self, arrived: MeasuredCoefficient) -> LobeFilter:
+        """Return the filter with what the same indicator sees of a trial band, over the path of that.
+
+        It is 1 - a; the stylus reads it at the angle at which it has read the fingerprint, which is of g.
+        """
+        return self._update_state(arrived, self.covariance, self._shown_by_band)
+
+    def _shown_by_band(self, state: Floats) -> tuple[complex, Floats]:
+        """Return what a trial band would show of a state, and by how much each element changes it."""
+        turn = complex(np.exp(1j * state[_GI]))
+        value = (1.0 - float(state[_A])) * turn
+        by = (0j, 0j, 0j, 1j * value, 0j, -turn)
+        return value, floats([[each.real for each in by], [each.imag for each in by]])
 
     def _slope_of_part(self, state: Floats, path_um: complex) -> Floats:
         k, (re, im, _, _, s, _) = self.scale.at_speed, state

@@ -40,6 +40,7 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.workshop_view import WorkshopView
+from profiles.compensations.trial_band import BandReadings
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -348,6 +349,9 @@ class Floor:
 
     def indicate(self, places: int | None = None) -> ClampReadings:
         return self.sim.indicate(places)
+
+    def indicate_band(self, behind_face_mm: float) -> BandReadings:
+        return self.sim.indicate_band(behind_face_mm)
 
     def look(self) -> WorkshopView:
         return self.sim.look()

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.cutting.corrected_motion import with_table
-from drivers.cutting.planning import CutPlan, Strategy, nominal_command, plan_cut
+from drivers.cutting.planning import CutBand, CutPlan, Strategy, nominal_command, plan_cut
 from drivers.errors import DriverError
 from drivers.pmac.check import CheckedMove, CheckedProgram
 from drivers.pmac.compensation.table import step_counts
@@ -186,10 +186,19 @@ RELAXES_S = 147.6 / 32.3  # Kp over Ki of the published loop
 MACHINES = ["lee-2001-lathe", "turbo-ethernet-lathe"]
 
 
-def planned(job: Job, machine: MachineProfile, strategy: Strategy, push_um: float, air_mm: float = 0.0) -> CutPlan:
+def planned(
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy,
+    push_um: float,
+    air_mm: float = 0.0,
+    before: CutBand | None = None,
+) -> CutPlan:
     command = replace(nominal_command(job, machine, strategy), push_um=push_um)
     path = CutPath(target=target_path(job), command=command)
-    return plan_cut(job, machine, strategy, path=path, air_mm=air_mm, trimmed=strategy is Strategy.CAM)
+    return plan_cut(
+        job, machine, strategy, path=path, air_mm=air_mm, trimmed=strategy is Strategy.CAM, before=before
+    )
 
 
 def offsets_um(pushed: CutPlan, plain: CutPlan, machine: MachineProfile) -> tuple[np.ndarray, np.ndarray]:
@@ -222,6 +231,28 @@ def test_the_tool_makes_up_for_the_push_until_the_integrator_has(name: str, stra
     inside = off_um[in_cut][: int(0.8 * in_cut.sum())]
     assert inside == pytest.approx(left[: len(inside)], abs=0.2)
     assert abs(off_um[-1]) < 0.01  # it ends where any cut ends
+
+
+@pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE])
+def test_a_band_that_was_cut_before_pushes_by_the_depth_that_is_left(strategy: Strategy) -> None:
+    job, machine = (
+        replace(load_job("lee-2001-experiment-1").job, cut_length_mm=3.0),
+        load_machine(MACHINES[0]).machine,
+    )
+    band = CutBand(length_mm=1.0, left_mm=0.02)
+    plain = planned(job, machine, strategy, 0.0)
+    at_mm, off_um = offsets_um(planned(job, machine, strategy, PUSH_UM, before=band), plain, machine)
+    # A fifth of the depth of 0.1 mm from the face on; all of it two turns behind where the edge leaves the band.
+    feed_mm_per_s = job.feed_mm_per_rev * job.spindle_speed_rpm / 60.0
+    taken_um, expected = 0.0, []
+    for mm in np.arange(-0.2, 2.8, 0.001):
+        pushed_um = PUSH_UM * (0.2 if mm < 1.1 else 1.0)
+        taken_um += (pushed_um - taken_um) * 0.001 / feed_mm_per_s / RELAXES_S
+        expected.append(pushed_um - taken_um)
+    for begin, end in ((-0.05, 1.05), (1.25, 2.7)):
+        inside = (at_mm > begin) & (at_mm < end) & (np.arange(len(at_mm)) < int(np.argmax(at_mm)))
+        found = np.interp(at_mm[inside], np.arange(-0.2, 2.8, 0.001), expected)
+        assert inside.sum() > 100 and off_um[inside] == pytest.approx(found, abs=0.03 * PUSH_UM)
 
 
 def test_in_air_nothing_pushes() -> None:

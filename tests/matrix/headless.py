@@ -20,6 +20,7 @@ from drivers.cutting.planning import CutPlan, Strategy
 from drivers.errors import DriverError
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.simulator.plant.workshop_view import WorkshopView
+from profiles.compensations.trial_band import BandReadings
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.metrology.cylindricity import PartSection
@@ -163,6 +164,9 @@ class Made:
 
     def indicate(self, places: int | None = None) -> ClampReadings:
         return self.watched.sim.indicate(places)
+
+    def indicate_band(self, behind_face_mm: float) -> BandReadings:
+        return self.watched.sim.indicate_band(behind_face_mm)
 
     def look(self) -> WorkshopView:
         return self.watched.sim.look()

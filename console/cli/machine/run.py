@@ -44,6 +44,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     version_help = text("help.compensation")
     parser.add_argument("--compensation", metavar="VERSION", type=compensation, default="none", help=version_help)
     parser.add_argument("--fingerprint", metavar=f"FILE|{INDICATOR}", help=text("help.fingerprint_of"))
+    parser.add_argument("--trial-band", action="store_true", help=text("help.trial_band"))
     parser.add_argument("--part", metavar="FILE.csv", help=text("help.part"))
     add_identity(parser, text)
     add_gauge(parser, text)

@@ -21,7 +21,7 @@ from console.cli.output import confirm_motion, fields_of, harmonics_of, show
 from console.cli.output import tell as tell_problems
 from console.session.cut.engine import CutContext, NotAsPlannedError, PartStep
 from console.session.cut.in_process import simulated_context
-from console.session.cut.recording import CutRecorder, LogRecorder, budget_event, part_record
+from console.session.cut.recording import TRIAL_BAND, CutRecorder, LogRecorder, budget_event, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
 from console.session.cut.simulated_parts import LatheParts, lathe_setup
 from console.session.cut.telemetry import stretches_event
@@ -153,6 +153,7 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
             "fingerprint": None
             if part.clamped is None
             else part_sentences.clamped_fields(part.clamped, path.target.lobes),
+            TRIAL_BAND: None if part.band is None else part.band.event(),
             "frozen": [{"n": each.order, **fields_of(each, "best_um", "grown_um")} for each in part.grown],
         },
     }
@@ -171,6 +172,7 @@ def result_lines(result: RunResult, text: Catalogue) -> list[str]:
     certificate = [
         *part_sentences.certificate_lines(last.certificate, result.plan.job.jaws, text),
         *_left_lobe(result, text),
+        *_trial_band(result, text),
         *_describe_blank_orders(result, text),
     ]
     return [*_run_lines(result, text), "", *_series(result, text), "", *certificate, text("run.simulated")]
@@ -185,6 +187,17 @@ def _left_lobe(result: LearnResult, text: Catalogue) -> list[str]:
     words = {name: f"{um_pp:.2f}" for name, um_pp in figures.items()}
     force = f"{100.0 * left.force_deviation:+.1f}"
     return [text("learn.left", n=result.plan.job.jaws, part=len(result.parts), force=force, **words)]
+
+
+def _trial_band(result: LearnResult, text: Catalogue) -> list[str]:
+    """Return what the trial band of the last part has shown, peak to peak; nothing without one."""
+    band = result.parts[-1].band
+    if band is None:
+        return []
+    missing = ", ".join(f"{n}/rev {2.0 * abs(c):.1f}" for n, c in sorted(band.missing_um.items()))
+    numbers = {"arrives": f"{100.0 * band.arrives:.0f}", "stylus": f"{band.stylus_deg:+.1f}"}
+    push = f"{band.push_um:.1f}"
+    return [text("learn.band", part=len(result.parts), missing=missing, push=push, **numbers)]
 
 
 def _describe_blank_orders(result: LearnResult, text: Catalogue) -> list[str]:
@@ -538,7 +551,9 @@ def _cut_job(
 
         if request.parts is None:
             return run(request.plan, open_machine, tell)
-        return learn(request.plan, open_machine, tell, request.parts, fingerprint=request.felt)
+        return learn(
+            request.plan, open_machine, tell, request.parts, fingerprint=request.felt, band=request.banded
+        )
     stopping = StopMonitor(interruption, text)
 
     def seen(snapshot: Snapshot) -> None:

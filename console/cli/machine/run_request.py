@@ -66,9 +66,9 @@ class RunRequest:
     """`address` is None for a simulated machine in this process, which runs as fast as it is computed.
 
     `true` is the actual plant of that one, None for one as its profile says. `parts` is the length of a learning
-    series, each part of it `felt` by an indicator or not. `part_file` is the file for the trace of the part.
-    `fingerprint` is what an indicator has shown of the clamping of a single part. `warnings` are reported before
-    anything moves, among them what was learned and is not used in this cut.
+    series, each part of it `felt` by an indicator or not, and `banded`, with a trial band, or not. `part_file` is
+    the file for the trace of the part. `fingerprint` is what an indicator has shown of the clamping of a single
+    part. `warnings` are reported before anything moves, among them what was learned and is not used in this cut.
     `lathe_parts` are those of the simulated lathe that it cuts, None if all of its parts are alike. `gauge` is
     what its parts are measured on, None if it is not stated.
     """
@@ -84,6 +84,7 @@ class RunRequest:
     warnings: tuple[Problem, ...]
     fingerprint: FingerprintedCut | None = None
     felt: bool = False
+    banded: bool = False
     lathe_parts: LatheParts | None = None
     gauge: KnownGauge | None = None
 
@@ -99,6 +100,8 @@ def plan_request(options: Namespace) -> RunRequest:
     """Load and plan what the command line requests; nothing is opened."""
     if options.learn is not None:
         refuse_untrimmed(Strategy(options.strategy))
+    elif options.trial_band:
+        raise SessionError(Problem(code="band.alone", key="--trial-band", limit="--learn"))
     job, loaded = job_of(options), apply_calibrations(machine_of(options), data_of(options))
     address, true, lathe = _place(options, loaded.machine)
     loaded = along_as_there(loaded, address, true)
@@ -147,6 +150,7 @@ def plan_request(options: Namespace) -> RunRequest:
         ),
         fingerprint=fingerprint,
         felt=options.fingerprint is not None,
+        banded=options.trial_band,
         lathe_parts=lathe_parts,
         gauge=gauge,
     )

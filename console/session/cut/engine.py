@@ -32,6 +32,7 @@ from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import way_problems
 from drivers.simulator.plant.workshop_view import WorkshopView
+from profiles.compensations.trial_band import BandReadings
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.metrology.cylindricity import PartSection
@@ -84,6 +85,9 @@ class Workshop(Protocol):
 
         The `places` count from jaw 1; None is as many as the lobe needs, from the spindle index.
         """
+
+    def indicate_band(self, behind_face_mm: float) -> BandReadings:
+        """Return what the indicator shows of the clamped part so far behind its face, where it was cut."""
 
     def look(self) -> WorkshopView:
         """Return what can be seen at the chuck."""

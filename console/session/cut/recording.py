@@ -40,6 +40,9 @@ PHASE_POLLS = 3 * PHASE_SAMPLES
 SPEED_S = 1.0  # averaging time of the speed: the time of a single poll is known to some ms only
 
 
+TRIAL_BAND = "trial_band"  # key of a part's record, and of a row's part in JSON
+
+
 class CutRecorder:
     """Receives the events of the cuts of one machine and keeps nothing: for cuts outside a recorded run."""
 
@@ -61,6 +64,9 @@ class CutRecorder:
     def record_window(self, batch: Batch) -> None:
         """Take a window that the controller has sampled."""
 
+    def record_band(self, event: Mapping[str, object]) -> None:
+        """Take what a trial band has shown, which goes with the part that it is on."""
+
     def record_measured_part(
         self,
         job: Job,
@@ -78,6 +84,7 @@ class LogRecorder(CutRecorder):
     def __init__(self, log: RunLog, keep: Callable[..., None] = lambda *_, **__: None) -> None:
         self._log, self._keep = log, keep
         self._name, self._product, self._proven = "", True, True
+        self._band: dict[str, object] = {}
 
     def part(self, name: str, *, product: bool) -> None:
         """Name the cuts that follow."""
@@ -106,6 +113,10 @@ class LogRecorder(CutRecorder):
         past_mm = np.full_like(batch.infeed_um, batch.past_middle_mm)
         self._log.add_window(self._name, np.column_stack([batch.angle_deg / 360.0, past_mm, batch.infeed_um]))
 
+    def record_band(self, event: Mapping[str, object]) -> None:
+        """Keep it for the part."""
+        self._band = {TRIAL_BAND: dict(event)}
+
     def record_measured_part(
         self,
         job: Job,
@@ -115,7 +126,8 @@ class LogRecorder(CutRecorder):
         budget: UncertaintyBudget | None,
     ) -> None:
         """Keep the part of the last cut."""
-        more = {SECTION_Z: middle_mm(job), **form_event(whole, sections), **budget_event(budget)}
+        band, self._band = self._band, {}
+        more = {**band, SECTION_Z: middle_mm(job), **form_event(whole, sections), **budget_event(budget)}
         self._keep(job, trace, part=self._name, product=self._product, proven=self._proven, more=more)
 
 

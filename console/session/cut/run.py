@@ -27,7 +27,7 @@ from console.session.cut.telemetry import CutFigures
 from console.session.cut.trip_cause import with_cause
 from console.session.errors import SessionError, fault_problem, refuse
 from console.session.stages import Stage, air_mm, scale_path_to_stage
-from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.planning import CutBand, CutPlan, plan_cut
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.errors import LinkError
 from drivers.lathe.lathe import Lathe
@@ -175,6 +175,7 @@ def plan_stage(
     ts_ms: int | None = None,
     from_turn: int = 0,
     trimmed: bool = False,
+    before: CutBand | None = None,
 ) -> CutPlan:
     """Plan a cut in a stage, see `plan_cut`; `path` is the learned or identified one, None for the model's."""
     plan = plan_cut(
@@ -187,6 +188,7 @@ def plan_stage(
         path=scale_path_to_stage(job, machine, strategy, stage, path),
         air_mm=air_mm(job, stage),
         trimmed=trimmed,
+        before=before,
     )
     refuse(finding.problem for finding in refusals(plan.findings))
     return plan
@@ -274,6 +276,7 @@ def cut_part(
     clamped: bool = False,
     measured: bool = True,
     force: ForceWatch | None = None,
+    touched_mm: float = 0.0,
     name: str = "",
     product: bool = True,
 ) -> CutOutcome:
@@ -282,7 +285,8 @@ def cut_part(
     The record has it under its `name`; one for comparison is no `product`.
 
     Without a `blank` it is an air cut, clear of what is clamped; a blank that is `clamped` already is cut so.
-    A part not to be `measured` stays clamped. With `force`, and no work `beside`, its force is checked.
+    Of one that was cut before, `touched_mm` is how far. A part not to be `measured` stays clamped. With `force`,
+    and no work `beside`, its force is checked.
 
     Raises:
         ProblemError: what went wrong, or who stopped it; the machine is at rest, or the problems say that this
@@ -308,7 +312,7 @@ def cut_part(
         load(context, plan, tell, aligned=False)
         tell(PartStep.ALIGN, "")
         _switch_on(context, job, homed=homed, blank=blank and not clamped)
-        end = cut(context, job, plan, begin, see, settle_tool=not homed)
+        end = cut(context, job, plan, begin, see, settle_tool=not homed, touched_mm=touched_mm)
         checked = None if force is None else force.result()
         return replace(_outcome(context, job, end, tell, measured=measured and blank), force=checked)
     except ProblemError as error:

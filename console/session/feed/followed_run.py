@@ -145,6 +145,10 @@ class FollowedRun(CutRecorder):
         """Pass on a window that the controller has sampled."""
         self._recorder.record_window(batch)
 
+    def record_band(self, event: Mapping[str, object]) -> None:
+        """Pass on what a trial band has shown."""
+        self._recorder.record_band(event)
+
     def record_measured_part(
         self,
         job: Job,

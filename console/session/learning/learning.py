@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from console.session.cut.engine import CutContext, PartStep
+from console.session.cut.engine import STILL_RPM, CutContext, PartStep
 from console.session.cut.run import (
     FILTER_UPR,
     CutObserver,
@@ -31,7 +31,7 @@ from console.session.learning.lobe_learning import LobeLearning
 from console.session.learning.order_learning import LearnHow, OrderLearning
 from console.session.learning.row_result import LearnedPart, LearnResult
 from console.session.stages import Stage, nominal_path
-from drivers.cutting.planning import CutPlan
+from drivers.cutting.planning import CutBand, CutPlan
 from drivers.cutting.sampling import Batch
 from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
 from drivers.identification.nominal import nominal_response
@@ -53,8 +53,21 @@ from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN, compare_
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import OVAL, CutPath
 from profiles.compensations.push import NO_PUSH, Push
+from profiles.compensations.trial_band import (
+    LEFT_MM,
+    LENGTH_MM,
+    band_job,
+    band_middle_mm,
+    band_path,
+    find_on_band,
+    refuse_uncleaned,
+    shown_path,
+    wanted_at,
+    without_play,
+)
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
+from profiles.lobe.along import along_cut
 from profiles.metrology.cylindricity import CylinderResult
 from profiles.problem import Problem, ProblemError
 from profiles.roundness import RoundnessResult
@@ -82,8 +95,9 @@ def learn(
     how: LearnHow | None = None,
     *,
     fingerprint: bool = False,
+    band: bool = False,
 ) -> LearnResult:
-    """Cut `parts` parts on one machine, each corrected by the ones before, and by its own `fingerprint`.
+    """Cut `parts` parts on one machine, each corrected by the ones before, by its `fingerprint` and trial `band`.
 
     Raises:
         ProblemError: `learning.no_gauge`, `learning.strategy`; why a part cannot be learned from, as for a single
@@ -91,7 +105,9 @@ def learn(
     """
     refuse_unlearnable(plan, measured=True)
     how = how or HOW
-    learner = _Learner(plan, open_machine(), tell, replace(how, fingerprint=fingerprint or how.fingerprint))
+    learner = _Learner(
+        plan, open_machine(), tell, replace(how, fingerprint=fingerprint or how.fingerprint, band=band or how.band)
+    )
     before, (floor, floor_whole) = learner.reference(), learner.floor()
     learner.in_air()
     made: list[LearnedPart] = []
@@ -232,15 +248,14 @@ class _Learner:
         name: str,
         beside: CutObserver | None = None,
         number: int = 0,
-        *,
-        clamped: bool = False,
+        **how: Any,
     ) -> CutOutcome:
         """Cut a part; reports name it with its number, if it has one. One in air has no blank."""
 
         def tell(step: PartStep, detail: str) -> None:
             self._tell(name, step, " · ".join(filter(None, (str(number or ""), detail))))
 
-        how: dict[str, Any] = {"homed": self._homed, "blank": name != "air", "clamped": clamped}
+        how |= {"homed": self._homed, "blank": name != "air"}
         how |= {"name": f"{name} {number or ''}".strip(), "product": name == "part"}
         outcome = cut_part(self._context, job, plan, tell, beside, **how)
         self._homed = True
@@ -319,17 +334,15 @@ class _Learner:
         self._in_air_anew()
         readings = self._clamp_blank()
         self._path, path = self._lobe.clamp(self._path, readings, self._response)
-        plan = self._plan_part(self._job, self._strategy, Stage.FULL, path, trimmed=True)
+        before, how = None, dict[str, Any](clamped=readings is not None)
+        if self._how.band and self._lobe.known:
+            path = self._trial_band(path, number)
+            before = CutBand(length_mm=LENGTH_MM, left_mm=LEFT_MM)
+            how = {"clamped": True, "touched_mm": LENGTH_MM}
+        plan = self._plan_part(self._job, self._strategy, Stage.FULL, path, trimmed=True, before=before)
         self._orders.begin(self._path, self._watch)
-        watch = CutLearner(
-            self._context.lathe,
-            self._job,
-            self._error,
-            samples_a_turn=self._orders.samples_a_turn,
-            trims=self._learns_lobe,
-            oval=self._orders.trims_oval,
-        )
-        outcome = self._cut_part(self._job, plan, "part", watch, number, clamped=readings is not None)
+        watch = self._cut_learner(self._job)
+        outcome = self._cut_part(self._job, plan, "part", watch, number, **how)
         tool_off, trim_um = watch.in_the_middle()
         trace = self._trace_part(outcome)
         gain = FIRST_GAIN if number == 1 else LATER_GAIN
@@ -355,15 +368,63 @@ class _Learner:
             trim_short=watch.short_um,
             left=self._lobe.left,
             changes=self._orders.changes,
+            band=self._lobe.band,
         )
+
+    def _cut_learner(self, job: Job) -> CutLearner:
+        return CutLearner(
+            self._context.lathe,
+            job,
+            self._error,
+            samples_a_turn=self._orders.samples_a_turn,
+            trims=self._learns_lobe,
+            oval=self._orders.trims_oval,
+        )
+
+    def _trial_band(self, path: CutPath, number: int) -> CutPath:
+        """Cut and indicate a trial band of the clamped blank; return the path of the rest.
+
+        Raises ProfileError: `band.*`; the band stays on the part, and nothing more is cut.
+        """
+        job, workshop = self._job, self._context.workshop
+        assert workshop is not None  # a series is measured
+        lobes, along = job.jaws, along_cut(job, self._machine)
+        short = band_job(job, float(along.factor(lobes, band_middle_mm(job))))
+        cut = band_path(path, along, job, 1.0 / self._response(lobes))
+        plan = self._plan_part(short, self._strategy, Stage.FULL, cut, trimmed=True)
+        watch = self._cut_learner(short)
+        self._cut_part(short, plan, "band", watch, number, clamped=True, measured=False)
+        self._refuse_turning()
+        behind_mm = LENGTH_MM - self._machine.tool.wiper_land_mm
+        tool_off, _ = watch.in_the_middle()
+        shown = shown_path(workshop.indicate_band(behind_mm), lobes)
+        wanted = wanted_at(plan.target, behind_mm - 0.5 * LENGTH_MM)
+        push_um = watch.entry_push_um() / (1.0 - LEFT_MM / job.depth_of_cut_mm)
+        found = find_on_band(shown, wanted, tool_off.coefficients_um, lobes, push_um)
+        self._path, corrected = self._lobe.correct(self._path, path, found, self._response)
+        refuse_uncleaned(path, corrected)
+        if self._lobe.band is not None:
+            self._context.recorder.record_band(self._lobe.band.event())
+        off = {n: c for n, c in self._orders.of_tool(tool_off).items() if n not in wanted}
+        self._path = learned_command(self._path, off, self._response)
+        return learned_command(corrected, off, self._response)
+
+    def _refuse_turning(self) -> None:
+        """Refuse to have the band read while the spindle turns: `band.spindle_turns`."""
+        if abs(rpm := self._context.lathe.spindle_rpm()) > STILL_RPM:
+            limit = f"<= {STILL_RPM:g} rpm"
+            raise SessionError(Problem(code="band.spindle_turns", value=f"{rpm:.1f} rpm", limit=limit))
 
     def _clamp_blank(self) -> ClampReadings | None:
         """Clamp the blank and return its fingerprint, None if none is taken."""
-        workshop = self._context.workshop
-        if not self._how.fingerprint or workshop is None or not self._lobe.known:
+        workshop, how = self._context.workshop, self._how
+        if not (how.fingerprint or how.band) or workshop is None or not self._lobe.known:
             return None
         workshop.mount(self._job)
-        return workshop.indicate()
+        if not how.fingerprint:
+            return None
+        readings = workshop.indicate()
+        return without_play(readings, self._job.jaws) if how.band else readings
 
     def _learn_from(
         self,
@@ -480,18 +541,17 @@ class _Learner:
         plain = compare_uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
         refuse(plain.reasons())
 
-    def _plan_part(
-        self, job: Job, strategy: Strategy, stage: Stage, path: CutPath | None, *, trimmed: bool = False
-    ) -> CutPlan:
-        """Plan a cut from the whole turn nearest to the spindle position; the spindle need not turn back."""
+    def _plan_part(self, job: Job, strategy: Strategy, stage: Stage, path: CutPath | None, **how: Any) -> CutPlan:
+        """Plan a cut from the whole turn nearest to the spindle position; the spindle need not turn back.
+
+        `how` it is, trimmed or behind a band, is as for `plan_stage`.
+        """
         turn = 0
         if self._homed:
             turn = round(self._context.lathe.snapshot().spindle.position / self._machine.spindle.counts_per_rev)
         watchdog = self._plan.cut.setup.watchdog
         try:
-            plan = plan_stage(
-                job, self._machine, strategy, stage, path, watchdog=watchdog, from_turn=turn, trimmed=trimmed
-            )
+            plan = plan_stage(job, self._machine, strategy, stage, path, watchdog=watchdog, from_turn=turn, **how)
         except ProblemError as error:
             own = {"path.beyond": "learning.beyond"}
             problems = (replace(each, code=own.get(each.code, each.code)) for each in error.problems)

@@ -14,7 +14,7 @@ from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM, OVAL, beside_order
 from profiles.compensations.learning import Deviation, HarmonicFit, next_trim_um
-from profiles.compensations.push import Push, left_push
+from profiles.compensations.push import Push, entry_push_um, left_push
 from profiles.compensations.trim_response import TrimResponse
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
@@ -152,6 +152,11 @@ class CutLearner:
         in_part = [each for each in self._found if each[0] >= self._in_part_mm]
         places, errors = [each[0] for each in in_part], [each[1].mean_um for each in in_part]
         return left_push(self._job, self._lathe.machine, places, errors)
+
+    def entry_push_um(self) -> float:
+        """Return the push of a cut too short to show its decay."""
+        places, errors = [each[0] for each in self._found], [each[1].mean_um for each in self._found]
+        return entry_push_um(self._job, self._lathe.machine, places, errors)
 
     def in_the_middle(self) -> tuple[Deviation, complex]:
         """Return the tool error and the trim where the part is measured, or raise what has ended the cut."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from profiles.compensations.learning import REPEATS_SD_UM
 from profiles.compensations.optimal_gain import PRIOR_DEG, PRIOR_FRACTION
 from profiles.compensations.path import CutPath, free_state_lobe
+from profiles.compensations.trial_band import BandCorrection, BandFinding, correct_by_band
 from profiles.fingerprint.lobe_filter import LobeFilter, MeasuredCoefficient
 from profiles.fingerprint.readings import ClampReadings
 from profiles.fingerprint.this_clamping import (
@@ -47,6 +48,7 @@ class LobeLearning:
         self._filter: LobeFilter | None = None
         self.clamped: ClampingCorrection | None = None
         self.left: LeftLobe | None = None
+        self.band: BandCorrection | None = None
         if job.lobe_amplitude_um:
             lobe_um = free_state_lobe(job).harmonics[0].coefficient
             try:
@@ -63,7 +65,7 @@ class LobeLearning:
         self, path: CutPath, readings: ClampReadings | None, response: Callable[[int], complex]
     ) -> tuple[CutPath, CutPath]:
         """Return the path of the mean clamping, and that of the part that is clamped: by its fingerprint."""
-        self.clamped = None
+        self.clamped = self.band = None
         if self._filter is None:
             return path, path
         self._filter = self._filter.predict_clamping(REPEATS_SD_UM)
@@ -73,6 +75,23 @@ class LobeLearning:
         self._filter, self.clamped = clamped_by(self._filter, evaluate_readings(readings, self._job), path, lobes)
         mean = with_added(path, self.clamped.added_um, response)
         return mean, clamped_path(mean, lobes, self.clamped.ratio, response)
+
+    def correct(
+        self, mean: CutPath, path: CutPath, found: BandFinding, response: Callable[[int], complex]
+    ) -> tuple[CutPath, CutPath]:
+        """Return the path of the mean clamping, and that of the part whose trial band shows this."""
+        assert self._filter is not None
+        lobes, clamped = self._job.jaws, self.clamped
+        felt = () if clamped is None else tuple(clamped.added_um)
+        self._filter, self.band = correct_by_band(self._filter, found, felt, lobes)
+        added, ratio = self.band.added_um, 1.0 + 0j if clamped is None else clamped.ratio
+        of_mean = {n: c / ratio_of(n, lobes, ratio) for n, c in added.items()}
+
+        def corrected(old: CutPath, factor: complex, further: Mapping[int, complex]) -> CutPath:
+            lobe_um = (factor - 1.0) * old.target.harmonics[0].coefficient
+            return with_added(old, {**further, lobes: lobe_um}, response).add_push(found.push_um)
+
+        return corrected(mean, self.band.of_mean, of_mean), corrected(path, self.band.of_this, added)
 
     def of_mean(self, left_um: Mapping[int, complex], path: CutPath) -> dict[int, complex]:
         """Return what a part with the force of the job would have had left of each order."""

@@ -14,6 +14,7 @@ from profiles.compensations.certificate import CertifiedOrder, OrderStatus
 from profiles.compensations.change import OrderChange, change_warnings
 from profiles.compensations.learning import REPEATS_SD_UM, Deviation, GrownHarmonic
 from profiles.compensations.path import CutPath
+from profiles.compensations.trial_band import BandCorrection
 from profiles.fingerprint.this_clamping import ClampingCorrection
 from profiles.metrology.cylindricity import CylinderResult
 from profiles.metrology.uncertainty import UncertaintyBudget
@@ -39,7 +40,8 @@ class LearnedPart:
     `tool_off` is the tool error in the middle of the cut, `air_um` the lobe error in each air pass before this
     part, peak to peak. `learned` are the harmonics that the part has changed for the next one, `grown` those no
     longer learned. `left` is what of its lobe repeats. `clamped` is its fingerprint, `trim_short` how much more
-    trim than there is it needed, um by order. `changes` are steps and drifts that it has shown.
+    trim than there is it needed, um by order. `changes` are steps and drifts that it has shown, `band` is
+    what its trial band has.
     """
 
     roundness: RoundnessResult
@@ -59,6 +61,7 @@ class LearnedPart:
     trim_short: Mapping[int, float] = field(default_factory=dict)
     left: LeftLobe | None = None
     changes: tuple[OrderChange, ...] = ()
+    band: BandCorrection | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

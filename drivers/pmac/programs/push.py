@@ -41,14 +41,25 @@ P70=0-P74
 """
 
 
-def _in_segment(fed: str) -> str:
-    """Return the lines of a segment; `fed` are the segments of the feed so far."""
-    return f"IF({fed}>P77 AND P71<0.999) P71=P71+P76\nP74=P74+(P72*P71-P74)*P73\nP70=P72*P71-P74\n"
+def _in_segment(fed: str, recut: tuple[str, str] | None) -> str:
+    """Return the lines of a segment; `fed` are the segments of the feed so far.
+
+    Of a part that was cut before, `recut`: the fraction of the push there, and the segment in which that ends.
+    """
+    whole = f"{fed}>P77 AND P71<0.999"
+    if recut is not None:
+        least, uncut = recut
+        whole = f"{fed}>P77 AND P71<{least} OR {fed}>{uncut} AND P71<0.999"
+    return f"IF({whole}) P71=P71+P76\nP74=P74+(P72*P71-P74)*P73\nP70=P72*P71-P74\n"
 
 
 def blend_turns(setup: CutSetup) -> float:
     """Return the turns from the face of the part within which the push comes into effect."""
     return min(MOST_BLEND_TURNS, max(LEAST_BLEND_TURNS, TURNS_OF_LAND * setup.land_turns))
+
+
+def _blend_step(setup: CutSetup, segments_a_turn: float) -> float:
+    return 1.0 / max(1, round(blend_turns(setup) * segments_a_turn))
 
 
 def with_push(text: str, job: Job, setup: CutSetup, push_um: float, segment_ms: float) -> str:
@@ -59,18 +70,23 @@ def with_push(text: str, job: Job, setup: CutSetup, push_um: float, segment_ms: 
     """
     turn_ms, number = 60_000.0 / job.spindle_speed_rpm, format_number
     decays = segment_ms / setup.relaxation_ms
+    contact_turns, step = APPROACH_MM / job.feed_mm_per_rev, _blend_step(setup, turn_ms / segment_ms)
     values = {
         "push": number(push_um / setup.tool_count_um),
         "relaxes": number(-math.expm1(-decays)),
-        "step": number(1.0 / max(1, round(blend_turns(setup) * turn_ms / segment_ms))),
-        "contact": number(APPROACH_MM / job.feed_mm_per_rev * turn_ms / segment_ms),
+        "step": number(step),
+        "contact": number(contact_turns * turn_ms / segment_ms),
         "decays": number(decays),
     }
+    recut = None
+    if setup.recut_turns:
+        uncut = (contact_turns + setup.recut_turns) * turn_ms / segment_ms
+        recut = number(max(setup.recut_depth - 0.5 * step, 0.0)), number(uncut)
     lines = {"push_values": _VALUES, "push_begin": _BEGIN, "push_resume": _RESUME}
     for name, piece in lines.items():
         text = text.replace(f"{{{name}}}", piece.format(**values) if push_um else "")
     for fed in ("P25-P24-P49", "P25-P49-P24", "(P25-P49)", "P25"):
-        text = text.replace(f"{{push@{fed}}}", _in_segment(fed) if push_um else "")
+        text = text.replace(f"{{push@{fed}}}", _in_segment(fed, recut) if push_um else "")
     return text.replace("{pushed}", "+P70" if push_um else "")
 
 

@@ -52,6 +52,18 @@ _NAMED = re.compile(r'SEND"trilobe ((?:[0-9A-F]{3})*)"')
 _DIGITS = 3
 
 
+LATE_TURNS = 2.0
+"""Behind the end of a band the push begins late rather than early: what is cut too deep there stays."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutBand:
+    """A band at the face of a blank that was cut before: its length, and the depth that is left of it, mm."""
+
+    length_mm: float
+    left_mm: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutSetup:
     """A job on a homed machine.
@@ -61,7 +73,8 @@ class CutSetup:
     cut, `carriage_middle` the middle of the cut. `spindle_start` is the spindle position when the program begins,
     in counts from its index. `watchdog` is a condition of the controller's language that has to hold for the cut
     to continue, such as that a host's timer has not run out; empty is without. In `relaxation_ms` the integrator
-    takes over 63 % of a force on the tool, infinite without one; `land_turns` are the turns that cut a place.
+    takes over 63 % of a force on the tool, infinite without one; `land_turns` are the turns that cut a place. Over
+    `recut_turns` behind the face the blank was cut before, to a fraction `recut_depth` of the depth.
     """
 
     surface: float
@@ -77,6 +90,8 @@ class CutSetup:
     relaxation_ms: float = math.inf
     land_turns: float = 1.0
     watchdog: str = ""
+    recut_turns: float = 0.0
+    recut_depth: float = 0.0
 
     @property
     def go_on(self) -> str:
@@ -105,11 +120,17 @@ class CutSetup:
 
 
 def cut_setup(
-    job: Job, machine: MachineProfile, spindle_start: float = 0.0, watchdog: str = "", *, air_mm: float = 0.0
+    job: Job,
+    machine: MachineProfile,
+    spindle_start: float = 0.0,
+    watchdog: str = "",
+    *,
+    air_mm: float = 0.0,
+    before: CutBand | None = None,
 ) -> CutSetup:
     """Place a job on a machine by the machine's own geometry: tool radius at home, jaw faces, overhang.
 
-    An air cut is the same, with everything `air_mm` further out.
+    An air cut is the same, with everything `air_mm` further out. `before` was cut of the blank already.
     """
     tool, carriage = machine.tool, machine.carriage
     surface = (tool.home_radius_mm - job.radius_mm - air_mm) * tool.counts_per_mm
@@ -129,6 +150,10 @@ def cut_setup(
         relaxation_ms=relaxation_ms(machine),
         land_turns=tool.wiper_land_mm / job.feed_mm_per_rev,
         watchdog=watchdog,
+        recut_turns=0.0
+        if before is None
+        else (before.length_mm + 0.5 * tool.wiper_land_mm) / job.feed_mm_per_rev + LATE_TURNS,
+        recut_depth=0.0 if before is None else before.left_mm / job.depth_of_cut_mm,
     )
 
 

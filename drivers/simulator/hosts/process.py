@@ -28,6 +28,7 @@ from drivers.simulator.hosts.pty import remove_name
 from drivers.simulator.hosts.real_time import ASKED
 from drivers.simulator.plant.which_lathe import WhichLathe
 from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
+from profiles.compensations.trial_band import BandReadings
 from profiles.files import printable
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
@@ -295,6 +296,13 @@ class SimulatorProcess:
         Raises LinkError: `simulator.gone`; `simulator.refused`, no part.
         """
         return record(ClampReadings, self._ask("indicate", places=places))
+
+    def indicate_band(self, behind_face_mm: float) -> BandReadings:
+        """Return what an indicator shows of the clamped part, see `SimulatedWorkshop.indicate_band`.
+
+        Raises LinkError: `simulator.gone`; `simulator.refused`, no part.
+        """
+        return record(BandReadings, self._ask("indicate_band", behind_face_mm=behind_face_mm))
 
     def truth(self) -> Truth:
         """Return the true values at the lathe, for a debrief. Raises LinkError: `simulator.gone`."""

@@ -21,6 +21,7 @@ from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.which_lathe import LATHE
 from drivers.simulator.plant.workpiece import ANGLES, CHUNK, OVERLAP, Blank, Workpiece
 from drivers.simulator.plant.workshop_view import Truth, WorkshopView
+from profiles.compensations.trial_band import BandReadings
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_origin import with_modelled_lobe
@@ -160,6 +161,15 @@ class PartIndicator:
             graduation_um=self._graduation_um or None,
             finger_force_n=said_n or None,
             simulated=True,
+        )
+
+    def band(self, surface: Surface, jaws: int) -> BandReadings:
+        """Return the readings of one state, once round and back."""
+        places = max(LEAST_PLACES, PLACES_A_LOBE * jaws)
+        once = [360.0 * place / places for place in range(places)]
+        angles = (*once, *reversed(once))
+        return BandReadings(
+            angle_deg=angles, shown_um=self._read(surface, angles), graduation_um=self._graduation_um or None
         )
 
     def _read(self, surface: Surface, angles: Sequence[float]) -> tuple[float, ...]:
@@ -429,6 +439,26 @@ class SimulatedWorkshop:
         )
         from_jaw_1 = None if places is None else FromJaw(places=places, jaw_1_deg=self._part.blank.jaw_1_deg)
         return self._indicator.readings(finger, full, job.jaws, job.chucking_force_n, from_jaw_1)
+
+    def indicate_band(self, behind_face_mm: float) -> BandReadings:
+        """Return what an indicator so far behind the face of the part shows of it as it is cut and clamped.
+
+        Raises RuntimeError: no part is mounted.
+        """
+        part, job = self._part, self._job
+        if part is None or job is None:
+            raise RuntimeError("no part is mounted")
+        self._settle()
+        surface_um, wander = np.zeros(ANGLES), self._wander
+        for section, fraction in self._between(behind_face_mm - 0.5 * job.cut_length_mm):
+            surface_um += fraction * part.clamped_um(section, self._nominal_radius_mm)
+
+        def shown_um(angle_deg: float) -> float:
+            wander_um = 0.0 if wander is None else 1000.0 * wander.at_mm(angle_deg / 360.0)
+            at_um = np.interp(angle_deg, np.arange(ANGLES) * (360.0 / ANGLES), surface_um, period=360.0)
+            return float(at_um) + wander_um
+
+        return self._indicator.band(shown_um, job.jaws)
 
     def _clamped_um(self, pressed: Blank, angle_deg: float) -> float:
         """Return how far out a blank is that was turned round, then pressed; with the spindle's error."""
