@@ -44,7 +44,6 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import Generic, TypeVar
 
 from profiles.chucking.advice import force_span, wall_stress_mpa
 from profiles.chucking.grip import MOST_GRIP_LOSS, centrifugal_loss_n, grip_margin_n, lobe_um_per_n, needed_grip_n
@@ -55,25 +54,7 @@ from profiles.lobe.lobe_conditions import any_stated, lobe_differences, lobe_uns
 from profiles.machine import Carriage, MachineProfile, ToolAxis
 from profiles.materials import material_or_none, unknown_material
 from profiles.problem import Problem
-
-One = TypeVar("One")
-Other = TypeVar("Other")
-
-
-class SameObjects(Generic[One, Other]):
-    """Equal to another key of the very same objects. It keeps them alive, so that none takes their place."""
-
-    __slots__ = ("one", "other")
-
-    def __init__(self, one: One, other: Other) -> None:
-        self.one, self.other = one, other
-
-    def __hash__(self) -> int:
-        return hash((id(self.one), id(self.other)))
-
-    def __eq__(self, key: object) -> bool:
-        return isinstance(key, SameObjects) and self.one is key.one and self.other is key.other
-
+from profiles.same_objects import SameObjects
 
 # Refusals where no model applies: a part that cannot be held or cut at all.
 IMPOSSIBLE = ("rule.wall_over_radius", "rule.depth_over_wall", "rule.grip_margin")

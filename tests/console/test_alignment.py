@@ -40,7 +40,8 @@ from console.session.station.jogging import tool_in_part
 from drivers.lathe.snapshot import AxisName
 from profiles.findings import refusals
 from profiles.problem import Problem
-from profiles.rules import SameObjects, check
+from profiles.rules import check
+from profiles.same_objects import SameObjects
 from profiles.store import load_job, load_machine
 from tests.console.floor import Floor, experiment_1, open_floor, refused_codes
 

@@ -25,7 +25,7 @@ from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.rules import SameObjects
+from profiles.same_objects import SameObjects
 
 _BLANK = {"jaws": "", "material": "", "diameter_mm": "mm", "wall_thickness_mm": "mm", "overhang_mm": "mm"}
 """Properties of a clamping besides its force, with their units."""

@@ -19,7 +19,7 @@ from profiles.compensations.next_version import half_width_um_pp
 from profiles.fingerprint.deflection import places_needed
 from profiles.job import NO_LOBE
 from profiles.problem import ProblemError
-from profiles.rules import SameObjects
+from profiles.same_objects import SameObjects
 
 READING_S, LINE_READING_S = 15.0, 8.0
 """For one reading, typed, or of an indicator on a serial line: turn the part by hand, wait, read; assumed."""

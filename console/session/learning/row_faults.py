@@ -131,8 +131,7 @@ def _diagnosis(stories: Sequence[RunStory], data: Path, evidence: PartEvidence |
             continue
         if part is not None and seen is not None:
             parts.append(_with_record(seen, part, story, place))
-    job = stories[-1].read_job()
-    if not parts or parts[-1].place != len(stories) - 1 or job is None:
+    if not parts or parts[-1].place != len(stories) - 1 or (job := stories[-1].read_job()) is None:
         return None
     return diagnose_parts(parts, job, machine_of(stories[-1]))
 

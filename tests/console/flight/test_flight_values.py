@@ -22,6 +22,7 @@ from console.flight.recorded_forms import RecordedMoment, names, to_recorded_for
 from console.flight.recording import RecordingReader, apply_changes, machine_of
 from console.session.learning.calibrating import PartLobe
 from console.session.learning.part_learning import PartLearning
+from console.session.learning.row_faults import NO_FAULTS, RowFaults
 from console.session.station.progress import CutProgress
 from console.tui.keymap import PageName
 from profiles.arrays import Floats
@@ -41,6 +42,7 @@ PLAIN: Mapping[Any, st.SearchStrategy[Any]] = {
     complex: st.builds(complex, st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)),
     Path: WORDS.map(lambda name: Path(f"/data/{name}")),
     Job: st.sampled_from(["lee-2001-experiment-1", "thin-ring-6-jaws"]).map(lambda name: load_job(name).job),
+    RowFaults: st.just(NO_FAULTS),  # as what a part has taught: not recorded
 }
 
 

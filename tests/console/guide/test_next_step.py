@@ -22,6 +22,7 @@ from console.session.guide.rows import ALIGN, INSPECT, RUN, Row, next_step, row_
 from console.session.guide.situation import Situation
 from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.part_learning import PartLearning, accept
+from console.session.learning.row_faults import RowFaults
 from console.session.station.commands import Approach, Arm, Command, ConfirmClamping, Jog, NoteJog, TakeTouchOff
 from console.session.station.progress import CutStage
 from console.session.station.state import (
@@ -53,6 +54,7 @@ from tests.system.lathe_sites import compact_text
 from tests.tui import align_stage, run_stage, scenes
 from tests.tui.run_stage import VALID, look
 from tests.tui.stage import REST, experiment, lathe
+from tests.tui.test_faults_on_inspect import FAILED
 from tests.tui.test_learning_keys import WRONG
 
 OFF_UNHOMED = REST | {"open_loop"}
@@ -154,6 +156,9 @@ def parts() -> Iterator[MeasuredPart | None]:
     yield replace(good, job=replace(good.job, roundness_tolerance_um=10.0, cylindricity_tolerance_um=10.0))
     unknown = FigureUncertainty(rule=DecisionRule.ISO_2017)
     yield replace(good, budget=UncertaintyBudget(gauge="a gauge", rows=(), expanded=unknown))
+    worse = RowFaults(worse=(Problem(code="learning.worse"),))
+    yield replace(good, learning=replace(learning, faults=worse))
+    yield replace(FAILED, marks_mm=(FAILED.job.overhang_mm - 22.0,))
     plain = scenes.part(Strategy.NONE, scenes.BEFORE)
     yield plain
     yield replace(plain, lobe=found_lobe())
