@@ -119,3 +119,46 @@ def test_what_separates_nothing_is_refused(
     said = console("roundness", *files, *arguments)
     assert said.code in (1, 2) and said.out == ""
     assert all(word in said.err for word in words)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("# operator: Kim", ("same content", "90.csv", "0.csv")),  # the same reading under another header
+        ("# state: clamped", ("state", "clamped", "free")),
+        ("# direction: ccw", ("direction", "ccw", "spindle")),
+        ("# radius_mm: 30.6", ("radius_mm", "30.6", "30.0")),
+        ("# gauge_error: bench 2026-01-01: 0 um", ("bench", "as the gauge wrote")),
+    ],
+)
+def test_what_is_no_second_placement_of_the_part_is_refused(
+    console: Console, tmp_path: Path, line: str, words: tuple[str, ...]
+) -> None:
+    first, second = (Path(placed(tmp_path, str(turned), turned)) for turned in (0, 90))
+    head = "# direction: spindle\n# radius_mm: 30.0\n"
+    rows = first.read_text() if "operator" in line else second.read_text()
+    first.write_text(head + first.read_text())
+    kept = [each for each in (head + rows).splitlines() if not each.startswith(f"{line.split(':')[0]}:")]
+    second.write_text("\n".join([line, *kept]) + "\n")
+    said = console("roundness", str(first), str(second), "--separate", "0,90")
+    assert (said.code, said.out) == (1, "")
+    assert all(word in said.err for word in words)
+
+
+def test_u_holds_what_two_placements_leave_unknown_of_a_gauge_that_states_a_true_spindle(
+    console: Console, tmp_path: Path
+) -> None:
+    gauge = tmp_path / "bench.toml"
+    stated = "probe_noise_um = 0.01\nprobe_gain_percent = 0\nrepeat_um = 0\nspindle_error_um = 0\n"
+    gauge.write_text(f'schema = 1\nname = "bench"\n{stated}')
+    files = [placed(tmp_path, str(turned), turned) for turned in (0, 90)]
+    on = ("--gauge", str(gauge), "--json")
+    both = console("roundness", *files, "--separate", "0,90", "--save-gauge-error", "bench", *on).json
+    # A mark by eye leaves 0.037 um at 3 UPR (above): U, k = 2, of the p-p of its component along the part's lobe
+    # is 2 * 2 * 0.037 um, were it alone.
+    assert 0.1 < both["uncertainty"]["RONt_U_um"] < 0.3
+    # What that gauge reads later is judged without its error, too, and no surer than that was found.
+    later = console("roundness", files[0], *on).json
+    assert later["RONt_um"] == pytest.approx(both["RONt_um"], abs=1e-6)
+    assert later["uncertainty"]["RONt_U_um"] == pytest.approx(both["uncertainty"]["RONt_U_um"], rel=0.01)
+    assert "bench" in later["warnings"][0]

@@ -15,7 +15,7 @@ from console.session.learning.gauge_errors import (
     filed_without_error,
     keep_error,
     newest_error,
-    refuse_same_file,
+    refuse_unlike,
     spell_drift,
 )
 from console.text.catalogue import Catalogue
@@ -65,7 +65,7 @@ def placements(words: str) -> tuple[Placement, ...]:
 def separate_files(options: Namespace) -> SeparatedFiles:
     """Separate the files of the command line, one section each, and keep the error of the gauge if asked to.
 
-    Raises ProfileError: those of the files; `separation.sections`; as `refuse_same_file` and `separate`.
+    Raises ProfileError: those of the files; `separation.sections`; as `refuse_unlike` and `separate`.
     """
     files, readings, sections, read_um = [], [], [], []
     for name in (options.file, *options.others):
@@ -85,7 +85,7 @@ def separate_files(options: Namespace) -> SeparatedFiles:
         files.append((Path(name).name, content))
         sections.append(section)
         read_um.append(result.ront_um)
-    refuse_same_file(files)
+    refuse_unlike([(name, section.trace) for (name, _), section in zip(files, sections, strict=True)])
     gauge = gauge_of(options)
     sd_deg = BY_EYE_DEG if gauge is None or gauge.set_up_angle_deg is None else gauge.set_up_angle_deg
     found = separate(readings, options.separate, turning_sd_deg=sd_deg)
@@ -109,15 +109,20 @@ def separate_files(options: Namespace) -> SeparatedFiles:
 
 def without_kept_error(
     options: Namespace, found: tuple[TraceSection, ...] | SurfacePoints
-) -> tuple[tuple[TraceSection, ...] | SurfacePoints, tuple[Problem, ...]]:
-    """Return readings without the kept error of the gauge `--gauge-error`, and what is to be told of that.
+) -> tuple[tuple[TraceSection, ...] | SurfacePoints, GaugeError | None, tuple[Problem, ...]]:
+    """Return readings without the kept error of their gauge, that error, and what is to be told of it.
 
-    Raises ProfileError: `gauge.error_unknown`, none is kept; as `newest_error`.
+    The gauge is that of `--gauge-error`, else that of `--gauge`, of which none need be kept. Raises ProfileError:
+    `gauge.error_unknown`, none is kept; as `newest_error`.
     """
-    name = options.gauge_error
-    if (error := newest_error(data_of(options), name)) is None:
+    name, gauge = options.gauge_error, gauge_of(options)
+    if name is None and gauge is None:
+        return found, None, ()
+    error = newest_error(data_of(options), gauge.name if name is None and gauge is not None else name)
+    if error is None and name is not None:
         raise ProfileError(Problem(code="gauge.error_unknown", key=printable(name)))
-    return filed_without_error(found, error)
+    found, told = filed_without_error(found, error)
+    return found, error, told
 
 
 def separation_fields(apart: SeparatedFiles) -> dict[str, object]:

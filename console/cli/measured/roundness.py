@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from profiles.metrology.conformity import JudgedFigure, SectionForm
     from profiles.metrology.cylindricity import CylinderResult, PartSection
     from profiles.metrology.profile_filters import FilterKind
-    from profiles.metrology.separation import Placement
+    from profiles.metrology.separation import GaugeError, Placement
     from profiles.metrology.uncertainty import UncertaintyBudget
     from profiles.problem import Problem
     from profiles.roundness import RoundnessResult
@@ -98,13 +98,12 @@ def main(options: Namespace, text: Catalogue) -> int:
     off: tuple[Problem, ...] = ()
     if apart is None:
         sections = read_surface([Path(file) for file in (options.file, *options.others)])
-        if options.gauge_error is not None:
-            sections, off = without_kept_error(options, sections)
+        sections, error, off = without_kept_error(options, sections)
     else:
-        sections = (apart.first,)
+        sections, error = (apart.first,), apart.error
     told = tell(off, text)
     if isinstance(sections, SurfacePoints) or len(sections) > 1:
-        return _whole(options, sections, text, told)
+        return _whole(options, sections, text, told, error)
     if options.filter_along is not None:
         with naming(printable(options.file)):
             raise ProfileError(few_sections(1, "--filter-along"))
@@ -123,9 +122,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     place = PartSection(
         z_mm=z_mm or 0.0, angle_deg=measured.turn.angle_deg, deviation_um=measured.turn.deviation_um
     )
-    budget = _budget(
-        options, [] if options.vblock is not None else [place], measured.trace.meta, measured.header, result
-    )
+    places = [] if options.vblock is not None else [place]
+    budget = _budget(options, places, measured.trace.meta, measured.header, result, error)
     judged = _judged(options, budget, measured.header, z_mm, result.ront_um, result.mean_deviation_um)
     said = ["", section_words(z_mm, text), *table(judged_rows(judged, text))] if judged else []
     fields |= judged_fields(judged) | budget_event(budget)
@@ -140,7 +138,11 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 
 def _whole(
-    options: Namespace, found: Sequence[TraceSection] | SurfacePoints, text: Catalogue, told: Sequence[str]
+    options: Namespace,
+    found: Sequence[TraceSection] | SurfacePoints,
+    text: Catalogue,
+    told: Sequence[str],
+    error: GaugeError | None,
 ) -> int:
     """Print the form over the length of a part that was measured in several sections, or in points."""
     from console.cli.library import job_of, naming
@@ -167,17 +169,18 @@ def _whole(
             found = _on_part(options, found, header)
             header = replace(header, z_from=None)  # they count from the jaw faces now
             if len(found) < LEAST_SECTIONS:
-                return _few(options, found, header, [*told, *tell(doubts, text)], text)
+                return _few(options, found, header, [*told, *tell(doubts, text)], text, error)
         elif options.job is not None and (coarse := coarse_points(found, job_of(options).job.jaws)):
             raise ProfileError(*coarse)
         whole = _evaluate(options, found)
     warnings = tell(doubts, text)
     if isinstance(found, SurfacePoints):  # of points that are no sections only the form is known
-        budget, mean_um = _budget(options, (), meta, header, None), whole.cylinder(LEAST_SQUARES).deviation_um
+        budget = _budget(options, (), meta, header, None, error)
+        mean_um = whole.cylinder(LEAST_SQUARES).deviation_um
         heights = found.z_mm.tolist()
         judged = _judged(options, budget, header, None, None, mean_um, whole, (min(heights), max(heights)))
     else:
-        budget = _budget(options, [part_section(each) for each in found], meta, header, None)
+        budget = _budget(options, [part_section(each) for each in found], meta, header, None, error)
         first, heights = whole.sections[0], [each.z_mm for each in whole.sections]
         judged = _judged(options, budget, header, first.z_mm, first.ront_um, first.mean_um, whole, heights)
     fields = {"files": [options.file, *options.others], **form_fields(whole, meta), **judged_fields(judged)}
@@ -191,7 +194,12 @@ def _whole(
 
 
 def _few(
-    options: Namespace, found: Sequence[TraceSection], header: TraceHeader, warnings: list[str], text: Catalogue
+    options: Namespace,
+    found: Sequence[TraceSection],
+    header: TraceHeader,
+    warnings: list[str],
+    text: Catalogue,
+    error: GaugeError | None,
 ) -> int:
     """Print the roundness of sections that are too few for a form over the length, and say so."""
     from console.cli.measured.roundness_report import budget_lines, judged_rows, section_table
@@ -208,7 +216,7 @@ def _few(
     warnings += tell([few_sections(len(found))], text)
     sections, meta = [part_section(each) for each in found], found[0].trace.meta
     forms = [section_form(filtered_section(each, *options.filter)) for each in sections]
-    budget, first = _budget(options, sections, meta, header, None), forms[0]
+    budget, first = _budget(options, sections, meta, header, None, error), forms[0]
     judged = _judged(options, budget, header, first.z_mm, first.ront_um, first.mean_um, sections=forms)
     fields = {"files": [options.file, *options.others], "CYLt_um": None, **judged_fields(judged)}
     fields |= {"sections": [each.fields() for each in forms], "warnings": warnings, **budget_event(budget)}
@@ -264,10 +272,13 @@ def _budget(
     meta: Mapping[str, str],
     header: TraceHeader,
     result: RoundnessResult | None,
+    error: GaugeError | None,
 ) -> UncertaintyBudget | None:
-    """Return the uncertainty by the gauge named on the command line, None without one; of points no sections."""
-    from console.cli.library import data_of, gauge_of, job_of
-    from console.session.learning.gauge_errors import newest_error
+    """Return the uncertainty by the gauge named on the command line, None without one; of points no sections.
+
+    `error` is that of the gauge, if it was taken off.
+    """
+    from console.cli.library import gauge_of, job_of
     from profiles.metrology.uncertainty import part_budget, points_budget
     from profiles.trace_files.header import GAUGE_ERROR
 
@@ -276,8 +287,6 @@ def _budget(
         return None if gauge is None else points_budget(gauge)
     job = None if options.job is None else job_of(options).job
     upr, kind = options.filter
-    is_off = options.gauge_error is not None and GAUGE_ERROR in meta
-    error = newest_error(data_of(options), options.gauge_error) if is_off else None
     return part_budget(
         gauge,
         sections,
@@ -286,7 +295,7 @@ def _budget(
         filter_kind=kind,
         header=header,
         job=job,
-        error=error,
+        error=error if GAUGE_ERROR in meta else None,
     )
 
 

@@ -19,18 +19,43 @@ from profiles.metrology.uncertainty import KnownGauge
 from profiles.problem import Problem, ProfileError
 from profiles.strict_values import record
 from profiles.trace_files.gauge_error import spell_error, take_error_off
-from profiles.trace_files.header import GAUGE_ERROR
+from profiles.trace_files.header import GAUGE_ERROR, MOST_OFF_SIZE_MM, TraceHeader, header_of
 from profiles.trace_files.sections import SurfacePoints, TraceSection
 from profiles.traces import Trace
 
 KIND = "gauge-error"
 
 
-def refuse_same_file(files: Sequence[tuple[str, bytes]]) -> None:
-    """Refuse one file as two placements (`separation.same_file`): all of it would be the gauge's error."""
-    for (first, content), (name, other) in combinations(files, 2):
-        if content == other:
+def refuse_unlike(placed: Sequence[tuple[str, Trace]]) -> None:
+    """Refuse readings, each with the name of its file, that are not several placements of one part.
+
+    Raises ProfileError: `separation.same_file`, the same reading twice, so that all of it would be the gauge's
+    error; `separation.corrected`, an error of the gauge was taken off it; `separation.unlike`, the headers state
+    another part, state or direction.
+    """
+    for name, trace in placed:
+        if (off := trace.meta.get(GAUGE_ERROR)) is not None:
+            value = printable(off)
+            raise ProfileError(Problem(code="separation.corrected", where=printable(name), value=value))
+    for (first, one), (name, other) in combinations(placed, 2):
+        if one.deviation_um.tobytes() == other.deviation_um.tobytes():
             raise ProfileError(Problem(code="separation.same_file", where=printable(name), value=printable(first)))
+        for key, both in _unlike(header_of(one.meta)[0], header_of(other.meta)[0]).items():
+            value, limit = (printable(str(each)) for each in both)
+            where = printable(name)
+            raise ProfileError(Problem(code="separation.unlike", where=where, key=key, value=value, limit=limit))
+
+
+def _unlike(one: TraceHeader, other: TraceHeader) -> dict[str, tuple[object, object]]:
+    """Return what two headers of one part state differently: values of the second and of the first, by key."""
+    found: dict[str, tuple[object, object]] = {}
+    if one.state != other.state and "unknown" not in (one.state, other.state):
+        found["state"] = other.state, one.state
+    if one.direction and other.direction and one.against_spindle != other.against_spindle:
+        found["direction"] = other.direction, one.direction
+    if one.radius_mm and other.radius_mm and abs(one.radius_mm - other.radius_mm) > MOST_OFF_SIZE_MM:
+        found["radius_mm"] = other.radius_mm, one.radius_mm
+    return found
 
 
 def keep_error(

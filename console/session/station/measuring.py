@@ -32,7 +32,7 @@ from console.session.learning.gauge_errors import (
     error_in_use,
     keep_error,
     newest_error,
-    refuse_same_file,
+    refuse_unlike,
     simulated_gauge,
     without_gauge_error,
 )
@@ -134,7 +134,7 @@ def _take_turned(context: StationContext, command: TakeTrace) -> None:
             )
     turns = [fold_turns(each.trace, each.header)[0] for each in both]
     contents = [(each.name, each.content) for each in both]
-    refuse_same_file(contents)
+    refuse_unlike([(each.name, each.trace) for each in both])
     radius_mm, sd_deg = both[0].header.radius_of(filed.job), gauge.set_up_angle_deg
     error, told = _separated(context, gauge.name, turns, contents, radius_mm, sd_deg)
     _take_file(context, filed, error, told)
