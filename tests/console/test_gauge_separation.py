@@ -99,6 +99,11 @@ def test_words_name_the_orders_the_cost_of_turning_and_the_drift_of_a_kept_error
     newest.write_text(newest.read_text().replace("2020-02-29", "29 Feb 2020"))
     damaged = console("roundness", worn[1], "--gauge-error", "bench")
     assert damaged.code == 1 and newest.name in damaged.err and damaged.err.count("\n") == 1
+    newest.write_text(
+        newest.read_text().replace("29 Feb 2020", "2020-02-29").replace('"sd_um": ', '"sd_um": -', 1)
+    )
+    negative = console("roundness", worn[1], "--gauge-error", "bench")
+    assert negative.code == 1 and newest.name in negative.err and "sd_um -" in negative.err
     unknown = console("roundness", worn[1], "--gauge-error", "other")
     assert unknown.code == 1 and "--save-gauge-error other" in unknown.err
 

@@ -14,6 +14,7 @@ from console.session.data.kept_files import utc_now
 from console.session.gauge_in_use import gauge_in_use
 from profiles.files import printable
 from profiles.gauge import GaugeProfile
+from profiles.metrology.harmonics import HIGHEST_HARMONIC
 from profiles.metrology.separation import VALID_DAYS, GaugeError, Separation
 from profiles.metrology.uncertainty import KnownGauge
 from profiles.problem import Problem, ProfileError
@@ -24,6 +25,7 @@ from profiles.trace_files.sections import SurfacePoints, TraceSection
 from profiles.traces import Trace
 
 KIND = "gauge-error"
+ORDERS = range(2, HIGHEST_HARMONIC + 1)  # that a separation finds
 
 
 def refuse_unlike(placed: Sequence[tuple[str, Trace]]) -> None:
@@ -89,6 +91,8 @@ def newest_error(data: Path, gauge: str) -> GaugeError | None:
     try:
         error = record(GaugeError, calibration.found)
         date.fromisoformat(error.valid_until)
+        if wrong := [each for each in error.orders if each.sd_um < 0.0 or each.upr not in ORDERS]:
+            raise ValueError(f"upr {wrong[0].upr}, sd_um {wrong[0].sd_um:g}")
     except (TypeError, ValueError, OverflowError) as wrong:
         raise record_problem(file, str(wrong)) from wrong
     return error
