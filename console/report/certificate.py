@@ -21,6 +21,7 @@ from console.text.along_length import rows_of
 from console.text.catalogue import Catalogue
 from profiles.metrology.conformity import JudgedFigure, ToleranceKind
 from profiles.strict_values import number_or_none
+from profiles.trace_files.header import GAUGE_ERROR
 
 _UNNAMED = "temperature_c"  # of the identity: it is told with how the part was measured
 _SYMBOL, _STROKE = 16.0, 1.2
@@ -200,13 +201,18 @@ def _condition_rows(run: OpenedRun, identity: PartIdentity, text: Catalogue) -> 
     yield row("probe", meta.get("probe", unknown))
     simulated = text("report.certificate.simulated_gauge") if run.story.row.simulated else ""
     stated = {} if part is None else part.data.get(UNCERTAINTY)
-    own = stated.get("gauge") if isinstance(stated, Mapping) else None
+    own, dated = (
+        stated.get(key) if isinstance(stated, Mapping) else None for key in ("gauge", "gauge_calibrated")
+    )
     yield row("gauge", meta.get("gauge") or simulated or (own if isinstance(own, str) else unknown))
+    if (off := meta.get(GAUGE_ERROR)) is not None:
+        yield row("gauge_error", off)
     uncertain = None if part is None else part.uncertainty
     expired = (
         () if uncertain is None or not uncertain.expired else (text("judged.expired", date=uncertain.expired),)
     )
-    yield row("calibrated", ", ".join((meta.get("gauge_calibrated", unknown), *expired)))
+    day = meta.get("gauge_calibrated") or (dated if isinstance(dated, str) else unknown)
+    yield row("calibrated", ", ".join((day, *expired)))
     stated_c = identity.temperature_c
     yield row("temperature", unknown if stated_c is None else exact(stated_c, "°C"))
 

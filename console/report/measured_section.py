@@ -315,7 +315,8 @@ def _diameters(run: OpenedRun, text: Catalogue) -> Markup | None:
         return paragraph(text("report.diameter", diameter=diameter))
     facts = {"diameter": diameter, "nominal": mm(part.nominal_diameter_mm), "off": f"{off_um:+z.1f} µm"}
     judged, limit_um = part.figure(ToleranceKind.DIAMETER), part.diameter_tolerance_um
-    if limit_um is None or part.passed is None or judged is None or judged.value_um is None:
+    is_unjudged = part.passed is None and part.is_good is not None
+    if limit_um is None or is_unjudged or judged is None or judged.value_um is None:
         return paragraph(text("report.diameter_free", **facts))
     worst = mm((part.nominal_diameter_mm or 0.0) + judged.value_um / 1000.0) + place_words(judged.z_mm, text)
     facts |= {"diameter": worst, "off": f"{judged.value_um:+z.1f} µm"}

@@ -167,11 +167,15 @@ class BudgetRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UncertaintyBudget:
-    """The rows of a budget and the expanded uncertainties; a figure with an unknown source has none."""
+    """The rows of a budget and the expanded uncertainties; a figure with an unknown source has none.
+
+    `calibrated` is the date of the gauge's calibration (ISO 8601), "" if its file states none.
+    """
 
     gauge: str
     rows: tuple[BudgetRow, ...]
     expanded: FigureUncertainty
+    calibrated: str = ""
 
     def event(self) -> dict[str, object]:
         """Return what records and results in JSON have: U of each figure (k = 2), and the rows (u)."""
@@ -182,6 +186,7 @@ class UncertaintyBudget:
             "RONt_U_um": own.roundness_um,
             "CYLt_U_um": own.cylindricity_um,
             "diameter_U_um": own.diameter_um,
+            "gauge_calibrated": self.calibrated or None,
             "gauge_expired": own.expired or None,
             "budget": [asdict(each) for each in self.rows],
         }
@@ -237,7 +242,7 @@ def points_budget(gauge: GaugeProfile) -> UncertaintyBudget:
         diameter_um=gauge.diameter_u_um,
         expired=gauge.valid_until if gauge.expired else "",
     )
-    return UncertaintyBudget(gauge=gauge.name, rows=(), expanded=known)
+    return UncertaintyBudget(gauge=gauge.name, rows=(), expanded=known, calibrated=gauge.calibrated)
 
 
 def uncertainty_budget(
@@ -279,6 +284,7 @@ def uncertainty_budget(
     own = [um if is_known else None for um, is_known in zip(whole_um, known, strict=True)]
     return UncertaintyBudget(
         gauge=gauge.name,
+        calibrated=gauge.calibrated,
         rows=tuple(
             BudgetRow(source=source, roundness_um=row[0], cylindricity_um=row[1], diameter_um=row[2])
             for source, row in rows.items()

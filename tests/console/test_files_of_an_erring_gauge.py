@@ -20,12 +20,14 @@ from profiles.metrology.conformity import ToleranceKind, figure_of
 from profiles.traces import Trace, read_trace, write_trace
 from tests.console.commands import Console
 from tests.console.floor import known
+from tests.console.test_report import page_of, words
 from tests.console.test_traces_from_a_gauge import STATED, Outside
 from tests.console.test_traces_from_a_gauge import outside as outside
 
 GAUGE_UM, GAUGE_DEG = 3.0, 20.0
 OWN = """schema = 1
 name = "own"
+calibrated = "2026-03-01"
 [probe]
 probe_noise_um = 0.05
 probe_gain_percent = 0.0
@@ -100,6 +102,17 @@ def test_two_files_of_one_part_find_the_error_of_their_gauge(own: Outside) -> No
     assert oval_um(later.trace) == pytest.approx(oval_um(true), abs=0.02)
     assert 0.05 < known(known(later.budget).expanded.roundness_um) < 1.0
     assert [each.code for each in later.result.warnings][:1] == ["gauge.error_off"]
+
+
+def test_the_report_of_such_a_part_names_what_was_taken_off_when_the_gauge_was_calibrated_and_every_limit(
+    own: Outside,
+) -> None:
+    own.cut()
+    _, state = measured(own)
+    page = words(page_of(own.data, known(known(state.measured).run_id)))
+    assert "error of the gauge, taken off own" in page and "2 UPR 3.0" in page
+    assert "gauge calibrated 2026-03-01" in page
+    assert "tolerance ± 60 µm" in page and "no tolerance to judge it by" not in page  # not proven is judged
 
 
 def test_a_second_placement_needs_another_file_and_a_gauge_with_a_name(outside: Outside) -> None:
