@@ -133,6 +133,7 @@ def test_what_separates_nothing_is_refused(
         ("# state: clamped", ("state", "clamped", "free")),
         ("# direction: ccw", ("direction", "ccw", "spindle")),
         ("# radius_mm: 30.6", ("radius_mm", "30.6", "30.0")),
+        ("# z_mm: 16", ("z_mm", "16", "13")),
         ("# gauge_error: bench 2026-01-01: 0 um", ("bench", "as the gauge wrote")),
     ],
 )
@@ -140,7 +141,7 @@ def test_what_is_no_second_placement_of_the_part_is_refused(
     console: Console, tmp_path: Path, line: str, words: tuple[str, ...]
 ) -> None:
     first, second = (Path(placed(tmp_path, str(turned), turned)) for turned in (0, 90))
-    head = "# direction: spindle\n# radius_mm: 30.0\n"
+    head = "# direction: spindle\n# radius_mm: 30.0\n# z_mm: 13\n"
     rows = first.read_text() if "operator" in line else second.read_text()
     first.write_text(head + first.read_text())
     kept = [each for each in (head + rows).splitlines() if not each.startswith(f"{line.split(':')[0]}:")]

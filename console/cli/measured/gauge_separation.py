@@ -86,6 +86,13 @@ def separate_files(options: Namespace) -> SeparatedFiles:
         sections.append(section)
         read_um.append(result.ront_um)
     refuse_unlike([(name, section.trace) for (name, _), section in zip(files, sections, strict=True)])
+    z_mm = sections[0].z_mm
+    for (name, _), each in zip(files, sections, strict=True):
+        if z_mm is not None and each.z_mm not in (z_mm, None):
+            where, value, limit = printable(name), f"{each.z_mm:g}", f"{z_mm:g}"
+            raise ProfileError(
+                Problem(code="separation.unlike", where=where, key="z_mm", value=value, limit=limit)
+            )
     gauge = gauge_of(options)
     sd_deg = BY_EYE_DEG if gauge is None or gauge.set_up_angle_deg is None else gauge.set_up_angle_deg
     found = separate(readings, options.separate, turning_sd_deg=sd_deg)
