@@ -115,6 +115,7 @@ def test_words_name_the_orders_the_cost_of_turning_and_the_drift_of_a_kept_error
         (["--separate", "0,360"], ("0, 360", "90 deg")),
         (["--separate", "0,east"], ("0,east", "0,90")),
         (["--save-gauge-error", "bench"], ("--separate",)),
+        (["--separate", "0,90", "--gauge-error", "bench"], ("--gauge-error", "--separate")),
     ],
 )
 def test_what_separates_nothing_is_refused(
