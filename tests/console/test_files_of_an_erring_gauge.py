@@ -176,3 +176,6 @@ def test_learning_on_a_gauge_takes_its_error_off_and_is_as_unsure_as_the_gauge(
     sure, unsure = (each["expected"]["half_width_um_pp"] for each in (true, learn("later.csv", "--gauge", "poor")))
     # 95 % of a phasor off in any direction, peak to peak, beside the scatter of clamping
     assert unsure == pytest.approx(math.hypot(sure, 2.0 * 2.448 * 2.0 / math.sqrt(2.0)), rel=0.02)
+    (own.data / "gauges" / "silent.toml").write_text(OWN.format(angle=0.05).replace("own", "silent"))
+    told = [str(learn("later.csv", "--gauge", name)["warnings"]) for name in ("silent", "poor", "own")]
+    assert ["does not state the error of its spindle" in each for each in told] == [True, False, False]

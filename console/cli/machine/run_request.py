@@ -34,7 +34,7 @@ from console.session.data.learned_store import (
 from console.session.data.measured_part import newest_part
 from console.session.errors import SessionError
 from console.session.learning.fingerprint import FingerprintedCut
-from console.session.learning.gauge_errors import error_told
+from console.session.learning.gauge_errors import error_told, spindle_told
 from console.session.learning.learning import COMPARED, refuse_unlearnable, refuse_untrimmed
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage, nominal_path
@@ -146,6 +146,7 @@ def plan_request(options: Namespace) -> RunRequest:
             *_of_versions(options, job, loaded, learned, asked),
             *plan.warnings,
             *(() if gauge is None or address is not None else error_told(gauge.error)),
+            *(spindle_told(gauge) if options.learn else ()),
             *(() if fingerprint is None else fingerprint.clamped.warnings),
         ),
         fingerprint=fingerprint,

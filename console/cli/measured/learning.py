@@ -24,6 +24,7 @@ from console.session.data.measured_part import KEYS, SECTION_Z
 from console.session.data.run_reader import run_of_trace, story
 from console.session.errors import SessionError
 from console.session.learning.evaluated_part import FiledSections, fold_turns, read_section_file
+from console.session.learning.gauge_errors import spindle_told
 from console.session.learning.learning_steps import (
     SIMULATED,
     LearningOutcome,
@@ -94,7 +95,8 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
         raise SessionError(*name_file_in_problems(taken, where))
     following, reasons = found.step.next, found.step.reasons
     refused = bool(reasons) and (options.keep or not found.step.placed)
-    warnings = tell((*machine.warnings, *filed.doubts, *found.warnings, *(() if refused else reasons)), text)
+    told = (*machine.warnings, *filed.doubts, *spindle_told(gauge), *found.warnings)
+    warnings = tell((*told, *(() if refused else reasons)), text)
     kept = store(data, following) if options.keep and not reasons else None
     if kept is not None:
         warnings += tell(_record_learning_step(data, content, following), text)

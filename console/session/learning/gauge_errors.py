@@ -140,6 +140,15 @@ def error_told(error: GaugeError | None) -> tuple[Problem, ...]:
     return (Problem(code="gauge.error_off", key=error.gauge, value=words),)
 
 
+def spindle_told(gauge: KnownGauge | None) -> tuple[Problem, ...]:
+    """Return that nobody knows the error of the gauge's spindle: what is learned from its readings has it, too."""
+    if gauge is None or gauge.error is not None:
+        return ()
+    own = gauge.profile
+    is_stated = own.spindle_error_um is not None or own.roundness_u_um is not None
+    return () if is_stated else (Problem(code="gauge.spindle_unknown", key=own.name),)
+
+
 def without_gauge_error(trace: Trace, error: GaugeError | None) -> tuple[Trace, tuple[Problem, ...]]:
     """Return a reading without the error of its gauge, and what is to be told of that.
 
