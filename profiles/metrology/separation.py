@@ -14,8 +14,8 @@ After D. J. Whitehouse (1976), "Some theoretical aspects of error separation tec
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +30,7 @@ BY_EYE_DEG = 1.0  # standard deviation of a mark that is set by eye
 MOST_PLACEMENTS = 12
 VALID_DAYS = 365  # of a gauge's error, from its separation on (choice)
 MOST_AMPLIFIED = 5.0  # by more than that the noise of a reading grows in a blind order (choice)
+TURNED_BACK = 5.0  # times less of the gauge's error, if the part was turned the other way (choice)
 SURE = math.sqrt(-2.0 * math.log(1.0 - CONFIDENCE))  # radius of 95 % of a phasor's scatter, in standard deviations
 _NOISE_ORDERS = range(HIGHEST_HARMONIC + 1, 2 * HIGHEST_HARMONIC + 1)
 Complexes = NDArray[np.complex128]
@@ -155,7 +156,7 @@ def separate(
 
     Noise is what K >= 3 placements leave over, of two all that is read at 16 to 30 undulations, which is too much.
     Raises `ProfileError`: `separation.placements`, their number is not 2 to 12 or not that of the readings;
-    `separation.blind`, no order can be separated.
+    `separation.blind`, no order can be separated; `separation.turned_back`, the part was turned the other way.
     """
     count = len(placements)
     if not 2 <= count <= MOST_PLACEMENTS or count != len(readings):
@@ -178,7 +179,25 @@ def separate(
         noise_um = math.sqrt(float(np.mean(beyond)) / 2.0) if beyond else 0.0
     orders = [_order(n, found[n][0], placements, noise_um, turning_sd_deg) for n in seen]
     blind = tuple(n for n in wanted if n not in seen)
+    _refuse_turned_back(orders, read, placements)
     return Separation(placements=tuple(placements), orders=tuple(orders), blind=blind, noise_um=noise_um)
+
+
+def _refuse_turned_back(
+    orders: Sequence[OrderApart], read_um: Mapping[int, Complexes], placements: Sequence[Placement]
+) -> None:
+    """Refuse placements with which the gauge has an error that vanishes if the part was turned the other way.
+
+    The part has to be like that at each odd order by chance: two placements would keep its lobe as the gauge's.
+    """
+    back = [replace(each, turned_deg=0.0 - each.turned_deg) for each in placements]
+    tells = {n for n in read_um if np.abs(_columns(n, placements) - _columns(n, back)).max() > 1.0}
+    gauge = [each.gauge for each in orders if each.gauge.upr in tells]
+    if any(each.proven for each in gauge):
+        of_gauge_um = math.hypot(*(math.hypot(each.cosine_um, each.sine_um) for each in gauge))
+        if TURNED_BACK * math.hypot(*(abs(_solve(n, read_um[n], back)[0][1]) for n in tells)) < of_gauge_um:
+            said, other = (",".join(map(str, each)) for each in (placements, back))
+            raise refusal_error("separation.turned_back", key="--separate", value=said, limit=other)
 
 
 def _spectrum(angle_deg: Floats, deviation_um: Floats) -> dict[int, complex]:

@@ -57,6 +57,17 @@ def test_two_placements_at_90_deg_tell_the_gauge_from_the_part_but_of_4_8_and_12
     assert abs(three.part_um) == pytest.approx(27.5, abs=0.002)
 
 
+def test_a_part_that_was_turned_the_other_way_does_not_lend_its_lobe_to_the_gauge() -> None:
+    """By hand, two at 90 deg: the gauge would get sqrt(2) of the lobe of 27.5 um. Three do not fit then."""
+    read = [(STEP_DEG, reading(-each)) for each in (0, 90, 40)]
+    with pytest.raises(ProfileError) as refused:
+        separate(read[:2], at(0, 90))
+    (problem,) = refused.value.problems
+    assert (problem.code, problem.value, problem.limit) == ("separation.turned_back", "0,90", "0,-90")
+    assert amplitude_um(separate(read[:2], at(0, -90)), 3) == pytest.approx(GAUGE[3], abs=0.02)
+    assert not any(each.gauge.proven for each in separate(read, at(0, 90, 40)).orders)
+
+
 @pytest.mark.parametrize(
     ("placements", "blind"),
     [
