@@ -254,7 +254,10 @@ def correct_by_band(
     stylus, shown, missing = cmath.phase(after.turn) / lobes, found.shown, {}
     for n in shown.coefficients_um.keys() - {lobes}:
         turn = cmath.exp(1j * n * stylus)
-        wanted_um = found.wanted_um.get(n, 0j) / (turn if n in felt else 1.0)
+        arrives = (
+            1.0 / turn if n in felt else before.arrives
+        )  # a path that parts have taught makes up for the loss
+        wanted_um = arrives * found.wanted_um.get(n, 0j)
         missing[n] = wanted_um - found.off_um.get(n, 0j) - shown.coefficients_um[n] / turn
     weight = PRIOR_UM**2 / (PRIOR_UM**2 + shown.sd_um**2)
     certain = {n: c for n, c in missing.items() if abs(c) > SIGNIFICANT * shown.sd_um}

@@ -37,3 +37,17 @@ def test_a_band_shows_what_arrives_and_corrects_its_own_part(console: Console, s
 def test_between_band_and_rest_somebody_has_to_read(console: Console, short: str) -> None:
     said = console("run", short, *CUT, "--trial-band")
     assert said.code == 1 and "--learn" in said.err and "PARTS" in said.err
+
+
+@pytest.mark.long
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("more", [(), ("--trial-band",)])
+def test_what_a_fingerprint_corrects_before_the_first_part_is_no_step(
+    console: Console, short: str, more: tuple[str, ...]
+) -> None:
+    """The lobe of this lathe stands 3 deg beside its job: that is known from the first reading on."""
+    cut = ("--sim", "--plant", "realistic", "--seed", "204", "--strategy", "cam")
+    said = console("run", short, *cut, "--learn", "2", "--fingerprint", "indicator", *more, "--json")
+    assert said.code == 0, said.err
+    assert len(said.json["passes"]) == 2
+    assert not any("stepped" in each for each in said.json["warnings"])

@@ -97,7 +97,9 @@ def learn(
     fingerprint: bool = False,
     band: bool = False,
 ) -> LearnResult:
-    """Cut `parts` parts on one machine, each corrected by the ones before, by its `fingerprint` and trial `band`.
+    """Cut `parts` parts on one machine, each corrected by the ones before and by its `fingerprint`.
+
+    The first one is corrected by a trial `band`, too.
 
     Raises:
         ProblemError: `learning.no_gauge`, `learning.strategy`; why a part cannot be learned from, as for a single
@@ -335,7 +337,7 @@ class _Learner:
         readings = self._clamp_blank()
         self._path, path = self._lobe.clamp(self._path, readings, self._response)
         before, how = None, dict[str, Any](clamped=readings is not None)
-        if self._how.band and self._lobe.known:
+        if self._how.band and self._lobe.known and number == 1:  # the parts after it are known from this one
             path = self._trial_band(path, number)
             before = CutBand(length_mm=LENGTH_MM, left_mm=LEFT_MM)
             how = {"clamped": True, "touched_mm": LENGTH_MM}
@@ -346,7 +348,8 @@ class _Learner:
         tool_off, trim_um = watch.in_the_middle()
         trace = self._trace_part(outcome)
         gain = FIRST_GAIN if number == 1 else LATER_GAIN
-        push = watch.left_push()
+        # Behind a band the push jumps from a fifth to the whole: the decay along this cut is no measure of it.
+        push = NO_PUSH if before is not None else watch.left_push()
         tool_off = replace(tool_off, mean_um=tool_off.mean_um - push.in_middle_um)
         sections = sections_like(trace, outcome.sections)
         learned, certificate = self._learn_from(trim_um, trace, tool_off, gain, push, sections)
@@ -441,7 +444,7 @@ class _Learner:
         self._refuse_worse(found, tool_off)
         path = self._fold_trim(trim_um, tool_off)
         left = self._lobe.of_mean(orders.residual_orders(found, tool_off), path)
-        orders.judge_changes(left, path, found, tool_off)
+        orders.judge_changes(left, path, found, tool_off, self._lobe.known_now(path))
         self._watch = orders.judge_part(self._watch, path, left, found)
         high = self._watch.select_learned({n: c for n, c in left.items() if orders.teaches(n, c, found)})
         missed = self._watch.select_learned(orders.of_tool(tool_off))

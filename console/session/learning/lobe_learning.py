@@ -101,6 +101,18 @@ class LobeLearning:
         lobes, made = self._job.jaws, clamped_orders(path, self._job.jaws)
         return {n: c / ratio_of(n, lobes, clamped.ratio) if n in made else c for n, c in left_um.items()}
 
+    def known_now(self, path: CutPath) -> Callable[[int], complex]:
+        """Return by order what a path of the mean clamping is times, as that is known with this fingerprint.
+
+        The path before was for another height and angle of the lobe; the part was cut for what is known now.
+        """
+        if self._filter is None or self.clamped is None or not self._filter.lobe_um:
+            return lambda _: 1.0 + 0j
+        lobes, band, made = self._job.jaws, self.band, clamped_orders(path, self._job.jaws)
+        ratio = self.clamped.ratio * (1.0 if band is None else band.of_this / band.of_mean)
+        known = ratio * self._filter.lobe_um / self._filter.this_um
+        return lambda n: ratio_of(n, lobes, known) if n in made else 1.0 + 0j
+
     def update_path(self, left_um: complex, done_um: complex, sd_um: float) -> complex:
         """Return the path of the mean lobe, after a part with `left_um` of it where the tool did `done_um`."""
         assert self._filter is not None

@@ -162,14 +162,23 @@ class OrderLearning:
         return left_um + self.follows(order).response * self._repeating.command_moved_um(path, order)
 
     def judge_changes(
-        self, left_um: Mapping[int, complex], path: CutPath, part: PartHarmonics, tool_off: Deviation
+        self,
+        left_um: Mapping[int, complex],
+        path: CutPath,
+        part: PartHarmonics,
+        tool_off: Deviation,
+        known: Callable[[int], complex],
     ) -> None:
-        """Find which orders have stepped or drift, by a part that was cut with this path and has left these."""
+        """Find which orders have stepped or drift, by a part that was cut with this path and has left these.
+
+        Both count `known` times, as `LobeLearning.known_now`.
+        """
         for n, c in left_um.items():
             off_um = 0j if self.of_blank(n) else tool_off.coefficients_um.get(n, 0j)
             mark_um = n * math.radians(MARK_SD_DEG) * abs(part.coefficients_um[n])
             sd_um = math.hypot(part.sd_um[n], tool_off.sd_um, REPEATS_SD_UM, mark_um)
-            self._add(n, c - off_um, coefficient_of(path.target, n), sd_um, self.scatter)
+            now = known(n)
+            self._add(n, now * (c - off_um), now * coefficient_of(path.target, n), sd_um, self.scatter)
 
     def size_step_um(self, left_um: float, path: CutPath, gain: float) -> float:
         """Return how much deeper to cut, after a part that the tool on its path left so much too large, um."""
