@@ -244,13 +244,19 @@ encoder_noise_um = 0.3
 """abs(1 - T'/T) is 0.45 at 50 Hz and 1.51 at 150 Hz: what is learned of 9/rev grows by half in each pass."""
 
 
+def compare_with(ront_um: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the parts without compensation and without a lobe not cut, but known."""
+    part = SimpleNamespace(ront_um=ront_um)
+    monkeypatch.setattr(learning._Learner, "reference", lambda _: part)
+    monkeypatch.setattr(learning._Learner, "floor", lambda _: (part, None))
+
+
 def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     plant = tmp_path / "strong.toml"
     plant.write_text(STRONG, encoding="utf-8")
     row = Row(lambda _: None, sim=SimulatedLathe(MACHINE, plant_named(str(plant), MACHINE, 3)))
     monkeypatch.setattr(learning, "MOST_AIR_PASSES", 3)
-    for compared in ("reference", "floor"):
-        monkeypatch.setattr(learning._Learner, compared, lambda *_: SimpleNamespace(ront_um=55.0))
+    compare_with(55.0, monkeypatch)
     plan = plan_run(replace(JOB, cut_length_mm=1.0), MACHINE, Strategy.CAM, watchdog=cut_condition(MACHINE))
     result = learn(plan, row.shop, row.tell, 1)
     (part,) = result.parts
@@ -268,8 +274,7 @@ def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypat
 def test_a_part_that_its_compensation_makes_worse_ends_the_row(monkeypatch: MonkeyPatch) -> None:
     """2 sin(3 d / 2) of the lobe is left with jaw 1 d degrees off: 1.22 of 55 um at 25 degrees."""
     row = Row(lambda _: None, sim=SimulatedLathe(MACHINE, replace(ideal(MACHINE), jaw_offset_deg=25.0)))
-    for compared in ("reference", "floor"):
-        monkeypatch.setattr(learning._Learner, compared, lambda *_: None)
+    compare_with(55.0, monkeypatch)
     with pytest.raises(ProblemError) as refused:
         row.learn(monkeypatch)
     (problem,) = refused.value.problems
