@@ -5,7 +5,8 @@ So the band should show its path W with the sign turned. What it shows, -s, is o
 W - e of the tool, e its error by its own scale, the fraction g arrives (1 - g is lost as the edge ploughs), and a
 blank that gives way leaves of its form what it does not. g comes from the lobe; every other order becomes
 W + (W - e - s) / g. What springs back, and the error of the spindle, which the dial follows as the tool does, it
-cannot show: those are of the fingerprint and of the released part.
+cannot show: those are of the fingerprint and of the released part. A path that parts have taught makes up
+for the loss already: of it g W is to arrive.
 
 The dial is read once round each way. Its play p flattens what stands out, which takes 2.7 % of a lobe of 24 um at
 3 um of play: so the shown path is fitted through a dial with play, and the play that fits best is taken.
