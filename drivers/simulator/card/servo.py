@@ -191,9 +191,9 @@ class ServoAxis(EncoderAxis):
                 if later * v > 0.0 or not friction:
                     x, v = x + glide * v + push_x * pull + lag_x * late, later
                 else:
-                    x, v = slide.stop(x, v, drive)
+                    x, v = slide.stop(x, v, drive, late)
             elif not -friction <= drive <= friction:
-                x, v = slide.start(x, drive)
+                x, v = slide.start(x, drive, late)
             if ends is not None and not ends.lowest <= x + origin <= ends.highest:
                 x, v = self._hold(x, ends)
             if lowest <= output <= highest:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 from drivers.simulator.plant.tip_load import TipLoad
 
+PARTS = 4  # of a servo cycle in which a slide comes to rest, or starts, while its current changes
 NO_DAMPING = 1e-6  # loss of speed in a servo cycle below which the formulas with damping cancel out
 
 
@@ -116,16 +117,17 @@ class DrySlide:
     """One servo cycle of a mass with viscous damping and Coulomb friction under a constant force.
 
     With `lag_s` the force follows its command with that time constant, which is exact while the mass slides; a
-    stop or a start within the cycle uses the mean of the force.
+    cycle with a stop or a start is stepped in `PARTS`, each of which uses the mean of its force.
     """
 
-    def __init__(self, mass: DrivenMass, cycle_s: float, lag_s: float = 0.0) -> None:
+    def __init__(self, mass: DrivenMass, cycle_s: float, lag_s: float = 0.0, *, is_part: bool = False) -> None:
         self._one = replace(mass, acceleration_per_bit=1.0)
         self._friction = mass.friction
         self._per_bit = mass.acceleration_per_bit
         self._cycle_s = cycle_s
         self._whole = self._one.zero_order_hold(cycle_s)
         self._lag = current_lag(self._one, cycle_s, lag_s) if lag_s else None
+        self._part = DrySlide(mass, cycle_s / PARTS, lag_s, is_part=True) if lag_s and not is_part else self
         self.driven = 0.0  # counts/s2, by the current at the beginning of a cycle
 
     @property
@@ -137,31 +139,48 @@ class DrySlide:
 
     def step(self, x: float, v: float, force: float, load: float = 0.0) -> tuple[float, float]:
         """Return position and speed (counts, counts/s) a cycle later, by `force` (bits) and `load` (counts/s2)."""
-        drive, more_x, more_v = force * self._per_bit, 0.0, 0.0
+        drive, late = force * self._per_bit, 0.0
         if self._lag is not None:
-            lag, late = self._lag, self.driven - drive
-            self.driven = drive + lag.left * late
-            drive, more_x, more_v = drive + lag.mean * late, lag.more_x * late, lag.more_v * late
-        drive += load
-        whole, friction = self._whole, self._friction
+            late = self.driven - drive
+            self.driven = drive + self._lag.left * late
+            drive += self._lag.mean * late
+        return self.advance(x, v, drive + load, late)
+
+    def advance(self, x: float, v: float, drive: float, late: float) -> tuple[float, float]:
+        """Return position and speed after a cycle by the mean `drive`, of which `late` fades (counts/s2)."""
+        lag, whole, friction = self._lag, self._whole, self._friction
         if friction and v == 0.0:
-            return self.start(x, drive)
+            return self.start(x, drive, late)
+        more_x, more_v = (lag.more_x * late, lag.more_v * late) if lag is not None else (0.0, 0.0)
         pull = drive - math.copysign(friction, v)
         later = whole.decay * v + whole.push_v * pull + more_v
         if later * v > 0.0 or not friction:
             return x + whole.glide * v + whole.push_x * pull + more_x, later
-        return self.stop(x, v, drive)
+        return self.stop(x, v, drive, late)
 
-    def start(self, x: float, drive: float) -> tuple[float, float]:
-        """Return position and speed after a cycle from rest, by the mean `drive` (counts/s2)."""
+    def start(self, x: float, drive: float, late: float) -> tuple[float, float]:
+        """Return position and speed after a cycle from rest; `drive` and `late` as in `advance`."""
+        if self._part is not self and abs(drive) > self._friction:
+            return self._in_parts(x, 0.0, drive, late)
         return self._from_rest(x, drive, self._cycle_s)
 
-    def stop(self, x: float, v: float, drive: float) -> tuple[float, float]:
+    def stop(self, x: float, v: float, drive: float, late: float) -> tuple[float, float]:
         """Return position and speed after a cycle in which the slide comes to rest, and may start again."""
+        if self._part is not self:
+            return self._in_parts(x, v, drive, late)
         pull = drive - math.copysign(self._friction, v)
         stops_s = min(self._time_to_rest(v, pull), self._cycle_s)
         glide, push = self._glide_and_push(stops_s)
         return self._from_rest(x + glide * v + push * pull, drive, self._cycle_s - stops_s)
+
+    def _in_parts(self, x: float, v: float, drive: float, late: float) -> tuple[float, float]:
+        """Return position and speed after a cycle, stepped in parts of it."""
+        _, _, left, mean, *_ = self._part.constants
+        asked = drive - self.constants[3] * late
+        for _ in range(PARTS):
+            x, v = self._part.advance(x, v, asked + mean * late, late)
+            late *= left
+        return x, v
 
     def fades(self, cycles: int) -> bool:
         """Let the current fade at rest without a command; False, and nothing is done, where that could move it."""
