@@ -1,7 +1,7 @@
 """Identity of a part: by what names its certificate is found, and how warm it was when it was measured.
 
 A run keeps it as an event, the newest one holds. The next part of the job keeps all but the serial number, which
-counts up if it ends in digits, and the temperature.
+counts up if it ends in digits, and the temperature. A part that is finished in a second run keeps its number.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ _WAIT_S = 1.0
 _NEWEST = f"""
 SELECT events.data,
     (SELECT count(DISTINCT part) FROM measurements WHERE run_id = runs.run_id AND product = 1),
-    runs.stage IS NOT 'air' AND EXISTS (SELECT 1 FROM events AS other WHERE other.run_id = runs.run_id AND
+    runs.stage IS NOT 'air' AND NOT coalesce(json_extract(runs.setup, '$.clamped_at') = ?
+        AND julianday(runs.started_utc) > julianday('now') - 1, 0) AND EXISTS (
+        SELECT 1 FROM events AS other WHERE other.run_id = runs.run_id AND
         (other.kind = 'started' OR (other.kind = 'step' AND json_extract(other.data, '$.step') = 'cut')))
 FROM events JOIN runs USING (run_id)
 WHERE events.kind = '{IDENTIFIED}' AND runs.job = ? AND runs.simulated = ?
@@ -102,11 +104,14 @@ def products_of(story: RunStory) -> int:
     return max(len({part.part for part in story.parts if part.product}), 1)
 
 
-def next_identity(folder: Path, job: str, *, simulated: bool) -> PartIdentity | None:
-    """Return that of the next part of a job; None if none was stated before. sqlite3.Error, SessionError."""
+def next_identity(folder: Path, job: str, *, simulated: bool, clamped_at: object = None) -> PartIdentity | None:
+    """Return that of the next part of a job; None if none was stated before. sqlite3.Error, SessionError.
+
+    What was begun in the clamping of that stamp, a time of the day, and not measured is still the same part.
+    """
     from console.session.data.record_file import rows
 
-    for data, products, begun in rows(folder, _NEWEST, (job, int(simulated)), _WAIT_S):
+    for data, products, begun in rows(folder, _NEWEST, (clamped_at, job, int(simulated)), _WAIT_S):
         found = _read(from_json(data), max(products, 1) + bool(begun or products))
         return replace(found, temperature_c=None)
     return None

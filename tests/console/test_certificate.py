@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -9,15 +11,19 @@ import numpy as np
 import pytest
 
 from console.__main__ import main
+from console.session.data.record_file import FILE_NAME
 from console.session.data.records import add_to_run
 from console.session.data.run_reader import story
 from console.session.part_identity import IDENTIFIED, PartIdentity, identity_of, next_identity
 from console.session.stages import Stage
+from console.session.station.commands import Measure, Start
 from console.text.catalogue import LANGUAGES, load
 from profiles.metrology.cylindricity import CylinderResult, PartSection, evaluate_cylinder
 from profiles.metrology.unrolled import unroll
+from tests.console.floor import LOCAL_TIME, Floor, experiment_1, in_turn
 from tests.console.reported_runs import JAW_1_DEG, job_named, lobed, recorded
 from tests.console.test_report import PASSED_3, PRINTS, check, page_of, printed_pages, said, words
+from tests.console.test_station import hold
 
 NAMES: dict[str, Any] = {"part_name": "Ring", "drawing": "DR-100", "order": "45012", "batch": "B7"}
 HEIGHTS_MM = (22.8, 24.4, 26.0, 27.6, 29.2)
@@ -74,6 +80,22 @@ def test_only_a_part_that_was_cut_uses_its_number_and_only_its_own_job_goes_on(t
     add_to_run(tmp_path, run, IDENTIFIED, PartIdentity(serial_number="S-5").event())
     following = next_identity(tmp_path, "ring", simulated=True)
     assert following is not None and following.serial_number == "S-5"
+
+
+def test_a_cut_that_is_held_and_finished_in_a_second_run_is_one_part(aligned: Floor) -> None:
+    folder, job = aligned.context.records, experiment_1()
+    identified(folder, serial="S-098", job=job)
+    aligned.arm(job)
+    aligned.when(lambda _: in_turn(aligned, 20.0), lambda: hold(aligned))
+    assert not aligned.do(Start()).cut_done
+    aligned.arm(job)
+    assert aligned.do(Start()).cut_done
+    aligned.do(Measure())
+    with closing(sqlite3.connect(folder / FILE_NAME)) as database:
+        numbers = "SELECT json_extract(data, '$.serial_number') FROM events WHERE kind = ? ORDER BY rowid"
+        assert [number for (number,) in database.execute(numbers, (IDENTIFIED,))] == ["S-098", "S-099", "S-099"]
+    following = next_identity(folder, job.name, simulated=True, clamped_at=LOCAL_TIME)
+    assert following is not None and following.serial_number == "S-100", "the measured part is out of the chuck"
 
 
 def test_what_the_command_is_told_is_on_the_certificate_and_in_the_record(

@@ -137,7 +137,8 @@ def _identity_of(folder: Path, facts: RunFacts, *, simulated: bool) -> PartIdent
     if facts.stage == AIR and not facts.identity:
         return None
     try:
-        found = next_identity(folder, facts.job.name, simulated=simulated)
+        clamped_at = facts.setup.get("clamped_at")
+        found = next_identity(folder, facts.job.name, simulated=simulated, clamped_at=clamped_at)
     except sqlite3.Error as error:
         code = "record.damaged" if is_damage(error) else "record.unreadable"
         raise record_error(code, folder / FILE_NAME, error) from error
