@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -40,7 +41,7 @@ from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
 from profiles.metrology.circles import CIRCLES
 from profiles.metrology.conformity import JudgedFigure, ToleranceKind
-from profiles.metrology.unrolled import TURN_DEG, unroll_kept
+from profiles.metrology.unrolled import TURN_DEG, UnrolledPart, unroll_kept
 from profiles.roundness import RoundnessResult
 from profiles.strict_values import number_or_none
 
@@ -201,7 +202,35 @@ def plot_judged_section(run: OpenedRun, text: Catalogue) -> Markup | None:
         spindle_deg = number_or_none(part.data.get("jaw_1_deg", run.story.setup.get("jaw_1_deg")))
         jaw_1_deg = spindle_deg if found.header.phase_known else None
     marks = replace(_marks(run, part, mine), jaw_1_deg=jaw_1_deg)
-    return _plot("judged", [mine], marks, text, text("report.plot_judged", at=place_words(z_mm, text)))
+    what = text("report.plot_judged", at=place_words(z_mm, text))
+    return _plot("judged", [mine], marks, text, what, None if kept is None else _draw_surface(kept, text))
+
+
+SHADES = 4  # each way
+
+
+def _draw_surface(kept: UnrolledPart, text: Catalogue) -> tuple[Markup, str]:
+    """Return the unrolled surface about its least squares cylinder, the higher the darker, and its caption."""
+    z_mm, off_um = kept.z_mm, kept.cylinder_um
+    step_um = step_125(max(float(np.abs(off_um).max()), LEAST_STEP_UM) / (SHADES + 0.5))
+    middles = 0.5 * (z_mm[1:] + z_mm[:-1])
+    edges = [2.0 * z_mm[0] - middles[0], *middles, 2.0 * z_mm[-1] - middles[-1]]
+    axes = Axes(left=52.0, width=SIZE - 64.0, height=56.0, x_range=(0.0, 360.0), y_range=(edges[0], edges[-1]))
+    drawn = []
+    for (low, high), row in zip(pairwise(edges), np.rint(off_um / step_um), strict=True):
+        starts = [0, *(np.flatnonzero(np.diff(row)) + 1).tolist(), row.size]
+        for first, end in pairwise(starts):
+            (left, top), (right, bottom) = axes.point_at(first, high), axes.point_at(end, low)
+            shade = f"{0.5 + 0.5 * row[first] / SHADES:.3f}"
+            drawn.append(
+                element(
+                    "path", d=f"M{left:.1f} {top:.1f}H{right:.1f}V{bottom:.1f}H{left:.1f}Z", fill_opacity=shade
+                )
+            )
+    caption = text("report.plot_surface", step=f"{step_um:g}")
+    names = (text("report.plot_angle"), text("report.certificate.section"))
+    drawn += frame(axes, names, (0.0, 90.0, 180.0, 270.0, 360.0), (float(z_mm[0]), float(z_mm[-1])))
+    return picture("surface", axes.size, text("report.surface_plot"), caption, *drawn), caption
 
 
 def judged_z_mm(part: RecordedPart, judged: JudgedFigure | None) -> float | None:
@@ -224,7 +253,14 @@ def _plots(run: OpenedRun, text: Catalogue) -> Markup | None:
     return _plot("both", [before, mine], _marks(run, run.product, mine), text, text(key))
 
 
-def _plot(name: str, profiles: list[Profile], marks: Marks, text: Catalogue, what: str) -> Markup:
+def _plot(
+    name: str,
+    profiles: list[Profile],
+    marks: Marks,
+    text: Catalogue,
+    what: str,
+    below: tuple[Markup, str] | None = None,
+) -> Markup:
     words = [what, text("report.plot_scale", division=f"{division_um(profiles, marks):g}")]
     if marks.zone_um is not None:
         words.append(text("report.plot_zone", width=exact(round(marks.zone_um[1] - marks.zone_um[0], 9))))
@@ -233,6 +269,8 @@ def _plot(name: str, profiles: list[Profile], marks: Marks, text: Catalogue, wha
     drawing = roundness_figure(
         f"roundness-{name}", text("report.roundness_plot"), caption, profiles, marks, text("report.jaw")
     )
+    if below is not None:
+        drawing, caption = element("div", drawing, below[0]), f"{caption} {below[1]}"
     return figure(drawing, caption, "round")
 
 

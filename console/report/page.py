@@ -79,11 +79,12 @@ figcaption { font-size: 13px; color: #4a4a4a; }
 @media (min-width: 640px) {
   #certificate .figures td, #certificate .figures th { overflow-wrap: normal; padding-right: 6px; }
   #certificate .figures tbody th, #certificate .figures tbody td:nth-child(2) { white-space: nowrap; }
-  .shown { display: grid; grid-template: auto 1fr / 60mm 1fr; gap: 0 4mm; align-items: start;
+  .shown { display: grid; grid-template: auto 1fr / 55mm 1fr; gap: 0 4mm; align-items: start;
     break-inside: avoid; }
   .shown figure { display: contents; }
-  .shown figure svg { grid-row: 1 / 3; width: 60mm; margin: 2px 0; }
-  .shown table, .shown figcaption { grid-column: 2; }
+  .shown figure > * { grid-row: 1 / 3; }
+  .shown figure svg { width: 55mm; margin: 2px 0; }
+  .shown table, .shown figcaption { grid-column: 2; grid-row: auto; }
 }
 .shown figcaption { font-size: 11px; }
 #certificate .signatures { break-inside: avoid; }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -144,6 +145,14 @@ def test_the_plot_is_of_the_section_that_is_judged(tmp_path: Path) -> None:
     assert abs((angle - JAW_1_DEG + 60.0) % 120.0 - 60.0) < 1.0
     worst_um = 8.0 * PASSED_3 * (1.0 + GROWS_PER_MM * (HEIGHTS_MM[-1] - HEIGHTS_MM[0]))
     assert np.ptp(radius) == pytest.approx(27.0 * worst_um / 5.0, abs=0.1), "27 units a ring of 5 um"
+    surface = page.partition("surface-title")[2].partition("</svg>")[0]
+    cells = re.findall(r'd="M([\d.]+) ([\d.]+)H([\d.]+)V[^"]*" fill-opacity="([\d.]+)"', surface)
+    assert len({top for _, top, _, _ in cells}) == len(HEIGHTS_MM), "a row for each section"
+    darkest = max(shade for *_, shade in cells)
+    middle_deg = np.array(
+        [(float(x) + float(end) - 104.0) * 180.0 / 276.0 for x, _, end, s in cells if s == darkest]
+    )
+    assert (np.abs((middle_deg - JAW_1_DEG + 60.0) % 120.0 - 60.0) < 2.0).all()
 
 
 @pytest.mark.system
@@ -156,12 +165,15 @@ def test_a_real_browser_prints_the_certificate_on_one_page(tmp_path: Path, langu
     job = job_named(
         name, diameter_tolerance_um=4.0, cylindricity_tolerance_um=5.0, material="EN AW-6061-T6, lot 44"
     )
-    of: dict[str, Any] = {"job": job, "whole": whole(), "end": said("tool_error"), "operator": None}
+    form = whole()
+    surface = {**form.event(), **unroll(sections(), form.filter_upr).event()}
+    of: dict[str, Any] = {"job": job, "more": surface, "end": said("tool_error"), "operator": None}
     run = recorded(tmp_path, {"after": lobed(4.0, 3.0)}, machine="m" * 40, **of)
     long = {key: f"{key} {'WORD-' * 8}"[:32] for key in (*NAMES, "serial_number")}
     add_to_run(tmp_path, run, IDENTIFIED, PartIdentity(**long, temperature_c=20.35).event())
     text = load(language)
     first, second, *_ = printed_pages(page_of(tmp_path, run, language), tmp_path)
     assert text("report.heading") in first and text("report.certificate.released_by") in first
+    assert text("report.plot_angle") in first
     assert text("report.certificate.process") in second and text("report.certificate.process") not in first
     assert text("report.certificate.released_by") not in second
