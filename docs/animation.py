@@ -39,6 +39,7 @@ PLANT, SEED = "easy", ("--seed", "1")
 """A lathe that is not quite as its job says: its first part shows what is left to learn."""
 
 READ_S = 2.6
+MOST_ALARMS = 5  # a busy computer raises some of its own
 CAPTION, ACCENT = "#eeeeee", "#5fafff"
 
 Row = tuple[Cell, ...]
@@ -143,8 +144,10 @@ def _cut(film: Film, trainee: Trainee, caption: str, shown_s: float) -> None:
         trainee.waits_for_the_end_of_the_cut()
     if "k acknowledges" in trainee.terminal.text:
         film.show("5 Run: the alarm is over; k acknowledges it", 1.6)
-        trainee.press("k")
-        trainee.terminal.wait_for(lambda screen: "k acknowledges" not in screen)
+    for _ in range(MOST_ALARMS):
+        if "k acknowledges" in trainee.terminal.text:
+            trainee.press("k")
+            time.sleep(SETTLED_S)
 
 
 def _measure(trainee: Trainee) -> None:
