@@ -209,28 +209,24 @@ def plot_judged_section(run: OpenedRun, text: Catalogue) -> Markup | None:
 SHADES = 4  # each way
 
 
-def _draw_surface(kept: UnrolledPart, text: Catalogue) -> tuple[Markup, str]:
-    """Return the unrolled surface about its least squares cylinder, the higher the darker, and its caption."""
-    z_mm, off_um = kept.z_mm, kept.cylinder_um
+def _draw_surface(kept: UnrolledPart, text: Catalogue) -> Markup:
+    """Return the unrolled surface about its least squares cylinder, the higher the darker."""
+    z_mm, off_um, title = kept.z_mm, kept.cylinder_um, text("report.surface_plot")
     step_um = step_125(max(float(np.abs(off_um).max()), LEAST_STEP_UM) / (SHADES + 0.5))
     middles = 0.5 * (z_mm[1:] + z_mm[:-1])
     edges = [2.0 * z_mm[0] - middles[0], *middles, 2.0 * z_mm[-1] - middles[-1]]
-    axes = Axes(left=52.0, width=SIZE - 64.0, height=56.0, x_range=(0.0, 360.0), y_range=(edges[0], edges[-1]))
-    drawn = []
+    axes, drawn = (
+        Axes(left=52.0, width=276.0, height=56.0, x_range=(0.0, 360.0), y_range=(edges[0], edges[-1])),
+        [],
+    )
     for (low, high), row in zip(pairwise(edges), np.rint(off_um / step_um), strict=True):
-        starts = [0, *(np.flatnonzero(np.diff(row)) + 1).tolist(), row.size]
-        for first, end in pairwise(starts):
-            (left, top), (right, bottom) = axes.point_at(first, high), axes.point_at(end, low)
-            shade = f"{0.5 + 0.5 * row[first] / SHADES:.3f}"
-            drawn.append(
-                element(
-                    "path", d=f"M{left:.1f} {top:.1f}H{right:.1f}V{bottom:.1f}H{left:.1f}Z", fill_opacity=shade
-                )
-            )
-    caption = text("report.plot_surface", step=f"{step_um:g}")
-    names = (text("report.plot_angle"), text("report.certificate.section"))
+        for first, end in pairwise([0, *(np.flatnonzero(np.diff(row)) + 1).tolist(), row.size]):
+            (left, top), (right, foot) = axes.point_at(first, high), axes.point_at(end, low)
+            grey, y = round(127.5 * (1.0 - row[first] / SHADES)), 0.5 * (top + foot)
+            drawn.append(line((left, y), (right, y), f"rgb({grey},{grey},{grey})", foot - top))
+    names = (text("report.surface_scale", step=f"{step_um:g}"), text("report.certificate.section"))
     drawn += frame(axes, names, (0.0, 90.0, 180.0, 270.0, 360.0), (float(z_mm[0]), float(z_mm[-1])))
-    return picture("surface", axes.size, text("report.surface_plot"), caption, *drawn), caption
+    return picture("surface", axes.size, title, f"{title}: {names[0]}", *drawn)
 
 
 def judged_z_mm(part: RecordedPart, judged: JudgedFigure | None) -> float | None:
@@ -254,12 +250,7 @@ def _plots(run: OpenedRun, text: Catalogue) -> Markup | None:
 
 
 def _plot(
-    name: str,
-    profiles: list[Profile],
-    marks: Marks,
-    text: Catalogue,
-    what: str,
-    below: tuple[Markup, str] | None = None,
+    name: str, profiles: list[Profile], marks: Marks, text: Catalogue, what: str, below: Markup | None = None
 ) -> Markup:
     words = [what, text("report.plot_scale", division=f"{division_um(profiles, marks):g}")]
     if marks.zone_um is not None:
@@ -269,9 +260,7 @@ def _plot(
     drawing = roundness_figure(
         f"roundness-{name}", text("report.roundness_plot"), caption, profiles, marks, text("report.jaw")
     )
-    if below is not None:
-        drawing, caption = element("div", drawing, below[0]), f"{caption} {below[1]}"
-    return figure(drawing, caption, "round")
+    return figure(drawing if below is None else element("div", drawing, below), caption, "round")
 
 
 def _uncompensated_profile(run: OpenedRun) -> tuple[Profile | None, bool]:

@@ -146,12 +146,11 @@ def test_the_plot_is_of_the_section_that_is_judged(tmp_path: Path) -> None:
     worst_um = 8.0 * PASSED_3 * (1.0 + GROWS_PER_MM * (HEIGHTS_MM[-1] - HEIGHTS_MM[0]))
     assert np.ptp(radius) == pytest.approx(27.0 * worst_um / 5.0, abs=0.1), "27 units a ring of 5 um"
     surface = page.partition("surface-title")[2].partition("</svg>")[0]
-    cells = re.findall(r'd="M([\d.]+) ([\d.]+)H([\d.]+)V[^"]*" fill-opacity="([\d.]+)"', surface)
-    assert len({top for _, top, _, _ in cells}) == len(HEIGHTS_MM), "a row for each section"
-    darkest = max(shade for *_, shade in cells)
-    middle_deg = np.array(
-        [(float(x) + float(end) - 104.0) * 180.0 / 276.0 for x, _, end, s in cells if s == darkest]
-    )
+    cells = re.findall(r'<line x1="([\d.]+)" y1="([\d.]+)" x2="([\d.]+)"[^>]* stroke="rgb\((\d+),', surface)
+    assert len({y for _, y, _, _ in cells}) == len(HEIGHTS_MM), "a row for each section"
+    darkest = min(int(grey) for *_, grey in cells)
+    places = [(float(x) + float(end)) / 2.0 - 52.0 for x, _, end, grey in cells if int(grey) == darkest]
+    middle_deg = np.array(places) * 360.0 / 276.0
     assert (np.abs((middle_deg - JAW_1_DEG + 60.0) % 120.0 - 60.0) < 2.0).all()
 
 
@@ -174,6 +173,6 @@ def test_a_real_browser_prints_the_certificate_on_one_page(tmp_path: Path, langu
     text = load(language)
     first, second, *_ = printed_pages(page_of(tmp_path, run, language), tmp_path)
     assert text("report.heading") in first and text("report.certificate.released_by") in first
-    assert text("report.plot_angle") in first
+    assert text("report.surface_scale", step="2").split()[0] in first.split()
     assert text("report.certificate.process") in second and text("report.certificate.process") not in first
     assert text("report.certificate.released_by") not in second
