@@ -38,10 +38,14 @@ PLAIN = frozenset(each.value for each in Strategy if not each.traits.follows_lob
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RowFaults:
-    """The hypotheses on the last part, None if the record does not tell; why compensation is advised against."""
+    """The hypotheses on the last part, None if the record does not tell; why compensation is advised against.
+
+    `unknown` is why the record does not tell.
+    """
 
     diagnosis: FaultDiagnosis | None = None
     worse: tuple[Problem, ...] = ()
+    unknown: tuple[Problem, ...] = ()
 
 
 NO_FAULTS = RowFaults()
@@ -55,8 +59,13 @@ def find_faults(
     `evidence` is that of its part where it is known already. It raises nothing of what a record lacks.
     """
     stories = (*_earlier(story, data), story)
-    found = _diagnosis(stories[-MOST_COMPARED:], data, evidence) if explains else None
-    return RowFaults(diagnosis=found, worse=_worse(stories))
+    worse = _worse(stories)
+    if not explains:
+        return RowFaults(worse=worse)
+    try:
+        return RowFaults(diagnosis=_diagnosis(stories, data, evidence), worse=worse)
+    except ProblemError as error:
+        return RowFaults(worse=worse, unknown=tuple(error.problems))
 
 
 def diagnose_parts(parts: Sequence[PartEvidence], job: Job, machine: MachineProfile) -> FaultDiagnosis:
@@ -121,19 +130,28 @@ def _earlier(story: RunStory, data: Path) -> tuple[RunStory, ...]:
 
 
 def _diagnosis(stories: Sequence[RunStory], data: Path, evidence: PartEvidence | None) -> FaultDiagnosis | None:
-    parts = list[PartEvidence]()
-    for place, story in enumerate(stories):
-        part, seen = story.product, evidence if story is stories[-1] else None
+    """Return the hypotheses on the last part; raises ProblemError, why the record of that does not tell."""
+    made = [(story, part) for story in stories for part in parts_of(story)][-MOST_COMPARED:]
+    parts, last, job = list[PartEvidence](), stories[-1], stories[-1].read_job()
+    for place, (story, part) in enumerate(made):
+        is_last = place == len(made) - 1
         try:
-            if part is not None and seen is None:
-                seen = evidence_from(recorded_cut(story, part), data)
+            seen = evidence if is_last and evidence is not None else _evidence_of(story, part, data)
         except ProblemError:
+            if is_last:
+                raise
             continue
-        if part is not None and seen is not None:
-            parts.append(_with_record(seen, part, story, place))
-    if not parts or parts[-1].place != len(stories) - 1 or (job := stories[-1].read_job()) is None:
-        return None
-    return diagnose_parts(parts, job, machine_of(stories[-1]))
+        parts.append(_with_record(seen, part, story, place))
+    return diagnose_parts(parts, job, machine_of(last)) if parts and job is not None else None
+
+
+def parts_of(story: RunStory) -> list[RecordedPart]:
+    """Return the parts that a run was for."""
+    return [story.product] if story.product is not None else []
+
+
+def _evidence_of(story: RunStory, part: RecordedPart, data: Path) -> PartEvidence:
+    return evidence_from(recorded_cut(story, part), data)
 
 
 def _with_record(seen: PartEvidence, part: RecordedPart, story: RunStory, place: int) -> PartEvidence:
@@ -151,6 +169,6 @@ def _with_record(seen: PartEvidence, part: RecordedPart, story: RunStory, place:
 
 def _worse(stories: Sequence[RunStory]) -> tuple[Problem, ...]:
     """Return `learning.worse` if the last parts with compensation are all less round than those without."""
-    parts = [(story.row.strategy in PLAIN, story.product) for story in stories]
-    of = {kind: [p.ront_um for plain, p in parts if plain is kind and p and p.ront_um] for kind in (True, False)}
+    parts = [(story.row.strategy in PLAIN, part.ront_um) for story in stories for part in parts_of(story)]
+    of = {kind: [um for plain, um in parts if plain is kind and um] for kind in (True, False)}
     return worse_than_plain(of[True], of[False][-LAST_PARTS:])
