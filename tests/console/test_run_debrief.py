@@ -57,11 +57,11 @@ LATE_DEG = 2.0
 BEGAN = datetime(2026, 5, 4, 8, 0, tzinfo=UTC)
 
 
-def turned(late_deg: float = LATE_DEG) -> Trace:
-    """What is left of a lobe that stands `late_deg` further on than the path that was to remove it."""
+def turned(late_deg: float = LATE_DEG, path_deg: float = 0.0) -> Trace:
+    """What is left of a lobe `late_deg` further on than the job has it, by a path that is so by `path_deg`."""
     amplitude_um, phase_deg = 0.5 * (JOB.lobe_error_um_pp or 0.0), JOB.lobe_phase_deg
     lobe = amplitude_um * np.cos(np.radians(3.0 * (ANGLES_DEG - phase_deg - late_deg)))
-    path = amplitude_um * np.cos(np.radians(3.0 * (ANGLES_DEG - phase_deg)))
+    path = amplitude_um * np.cos(np.radians(3.0 * (ANGLES_DEG - phase_deg - path_deg)))
     noise = 0.05 * np.cos(np.radians(7.0 * ANGLES_DEG))
     return Trace(angle_deg=ANGLES_DEG, deviation_um=lobe - path + noise, meta={**META, **MADE.header()})
 
@@ -108,6 +108,30 @@ def test_a_lobe_that_stands_elsewhere_is_the_first_cause_with_its_angle_and_um(t
     assert codes(debrief) == {"no_diameter"}
     debrief = run_debrief(recorded(tmp_path, turned(0.1)), tmp_path)
     assert not debrief.fails_round and list(debrief.advice) == [Advice.NONE]
+
+
+def row_that_learns(data: Path, *, ends: bool = True) -> RunStory:
+    """A chuck that creeps round by 4 degrees a part, its path one part behind: all parts look alike."""
+    run = RunRecord(data, described(JOB))
+    passes = []
+    for number in (1, 2, 3):
+        trace, path_deg = turned(4.0 * number, 4.0 * (number - 1)), JOB.lobe_phase_deg + 4.0 * (number - 1)
+        how: dict[str, Any] = {"more": {"jaw_1_deg": JOB.jaw_1_deg}, "part": f"part {number}"}
+        run.add("part", {}, part_record(JOB, roundness_of(trace), trace, Stage.FULL, **how))
+        wanted = {"n": 3, "amplitude_um": 27.5, "crest_deg": path_deg}
+        passes.append({"learned": {"wanted": [wanted], "tool_error": [{**wanted, "amplitude_um": 0.0}]}})
+    if ends:
+        run.add("result", {**MADE.event(), **tool_event(0j, 0.0), "passes": passes})
+    run.close()
+    return story(data, run.run_id)
+
+
+def test_a_row_that_learns_is_judged_by_all_its_parts_with_the_path_of_each(tmp_path: Path) -> None:
+    found = run_debrief(row_that_learns(tmp_path), tmp_path).diagnosis
+    assert found is not None and found.parts == 3
+    assert found.best.fault is LatheFault.DRIFT and found.best.amount == pytest.approx(4.0, abs=0.05)
+    ended = run_debrief(row_that_learns(tmp_path, ends=False), tmp_path)
+    assert ended.fails_round and ended.diagnosis is None, "its paths are in no record"
 
 
 def test_what_the_record_lacks_is_said_and_not_guessed(tmp_path: Path) -> None:

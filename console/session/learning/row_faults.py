@@ -6,9 +6,10 @@ For the debrief of a run, the page Inspect and `console learn` alike.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from console.session.data.measured_part import RecordedPart, made_with, parts_made, tool_lobe_um
 from console.session.data.run_reader import RunFilters, runs
@@ -22,12 +23,13 @@ from drivers.simulator.plant.which_lathe import LATHE, WHICH
 from profiles.axis.sampled_loop import loop_of
 from profiles.axis.stiffness import compliance_um_per_n
 from profiles.compensations.hypotheses import MULTIPLES, FaultDiagnosis, KnownLathe, PartEvidence, diagnose
-from profiles.compensations.path import free_state_lobe
+from profiles.compensations.path import PathHarmonic, free_state_lobe
 from profiles.files import parse_toml
 from profiles.job import Job
 from profiles.machine import MachineProfile, machine_from_table
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
+from profiles.strict_values import number
 
 MOST_EARLIER, MOST_COMPARED, LAST_PARTS = 8, 5, 3
 """Parts looked up before the last one, those whose evidence is compared, and those that are all to be worse."""
@@ -142,16 +144,48 @@ def _diagnosis(stories: Sequence[RunStory], data: Path, evidence: PartEvidence |
                 raise
             continue
         parts.append(_with_record(seen, part, story, place))
-    return diagnose_parts(parts, job, machine_of(last)) if parts and job is not None else None
+    if job is None or not parts_of(last):
+        return None
+    return diagnose_parts(parts, job, machine_of(last))
 
 
 def parts_of(story: RunStory) -> list[RecordedPart]:
-    """Return the parts that a run was for."""
-    return [story.product] if story.product is not None else []
+    """Return the parts that a run was for: all those of a row that learns, else the last."""
+    made = [part for part in story.parts if part.product]
+    return made if made and _number(made[0]) else made[-1:]
+
+
+def _number(part: RecordedPart) -> int:
+    """Return which part of a row that learns it is, from 1; 0 of one that is in no row."""
+    counted = part.part.partition(" ")[2]
+    return int(counted) if counted.isdecimal() else 0
 
 
 def _evidence_of(story: RunStory, part: RecordedPart, data: Path) -> PartEvidence:
-    return evidence_from(recorded_cut(story, part), data)
+    """Return what a part is for a diagnosis; of a row that learns with its own path, which the result of that has.
+
+    Raises ProblemError: the record does not suffice.
+    """
+    of = recorded_cut(story, part)
+    seen, place = evidence_from(of, data), _number(part)
+    if not place:
+        return seen
+    try:
+        learned = [event.data["passes"] for event in ends_of(story)][-1][place - 1]["learned"]
+        path_um, off_um = (_order_um(learned[name], of.job.job.jaws) for name in ("wanted", "tool_error"))
+    except (LookupError, TypeError, ValueError) as error:
+        raise SessionError() from error
+    return replace(seen, path_um=path_um, tool_um=-off_um)
+
+
+def _order_um(waves: Sequence[Mapping[str, Any]], order: int) -> complex:
+    """Return an order of recorded undulations, um; raises ValueError: its figures are no numbers."""
+    found = (
+        PathHarmonic(lobes=order, amplitude_um=number(each["amplitude_um"]), phase_deg=number(each["crest_deg"]))
+        for each in waves
+        if each["n"] == order
+    )
+    return sum((each.coefficient for each in found), 0j)
 
 
 def _with_record(seen: PartEvidence, part: RecordedPart, story: RunStory, place: int) -> PartEvidence:
