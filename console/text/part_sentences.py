@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from console.session.cut.cut_verdict import CutJudgement, CutVerdict
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from profiles.compensations.causes import Cause, CauseKind
 from profiles.compensations.certificate import PROMISED, CertifiedOrder, OrderStatus
 from profiles.compensations.force_null import SURE as SURE_OF_FORCE
 from profiles.compensations.force_null import ForceNull, Sign
@@ -113,19 +112,6 @@ def force_words(found: ForceNull, text: Catalogue) -> str:
     return f"{said} {text('force.assumes')}"
 
 
-def cause_words(cause: Cause, text: Catalogue) -> str:
-    """Return the sentence for a cause."""
-    return text(
-        f"cause.{_word(cause)}",
-        um=text.units.figure(cause.um_pp, "um", 1),
-        order=cause.order,
-        jaw=cause.jaw,
-        value=f"{cause.value:+.1f}",
-        sd=f"{cause.sd:.1f}",
-        percent=f"{100.0 * abs(cause.value):.0f}",
-    )
-
-
 def length_cause_words(cause: LengthCause, text: Catalogue) -> str:
     """Return the sentence for a cause by which the sections of a part differ."""
     kind = cause.kind.value
@@ -138,12 +124,9 @@ def length_cause_words(cause: LengthCause, text: Catalogue) -> str:
     return text(f"length_cause.{kind}", order=cause.order, **facts)
 
 
-def all_cause_words(causes: Sequence[Cause], along: Sequence[LengthCause], text: Catalogue) -> list[str]:
-    """Return the sentences for all causes of a part, largest first; noise is none beside those over its length."""
-    told = [each for each in causes if not along or each.kind is not CauseKind.NOISE]
-    found = [(each.um_pp, cause_words(each, text)) for each in told]
-    found += [(each.um_pp, length_cause_words(each, text)) for each in along]
-    return [words for _, words in sorted(found, key=lambda each: -each[0])]
+def along_words(along: Sequence[LengthCause], text: Catalogue) -> list[str]:
+    """Return the sentences for what makes the sections of a part differ, largest first."""
+    return [length_cause_words(each, text) for each in sorted(along, key=lambda each: -each.um_pp)]
 
 
 def place_words(z_mm: float | None, text: Catalogue) -> str:
@@ -199,12 +182,6 @@ def judged_fields(figures: Sequence[JudgedFigure]) -> dict[str, object]:
         for each in figures
     ]
     return {"judged": judged, "within_tolerance": passes_all(figures)} if figures else {}
-
-
-def _word(cause: Cause) -> str:
-    if cause.kind is CauseKind.FORCE:
-        return "force_high" if cause.value > 0.0 else "force_low"
-    return cause.kind.value
 
 
 def certificate_fields(certificate: Sequence[CertifiedOrder]) -> list[dict[str, object]]:

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Any
 from console.session.data.run_rows import ENDS
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
-from console.text.part_sentences import all_cause_words, place_words
+from console.text.part_sentences import along_words, place_words
 from console.text.recorded_words import order_words, part_words
-from profiles.compensations.causes import LEAST_NAMED_UM, Cause, CauseKind
 from profiles.files import printable
 from profiles.metrology.conformity import ToleranceKind
 
 if TYPE_CHECKING:
     from console.session.data.run_story import RunEvent
     from console.session.learning.run_debrief import Incident, RunDebrief
-    from profiles.compensations.hypotheses import FaultDiagnosis
+    from profiles.compensations.hypotheses import Explanation, FaultDiagnosis
     from profiles.metrology.length_causes import LengthCause
 
 Section = tuple[str, list[str]]
@@ -27,17 +26,8 @@ LONGEST = 300
 MOST_RATIO = 1000.0
 CAUSES = "causes"  # of `Advice`
 USUAL = "usual"  # of `LatheFault`, which takes numpy with it
-_FAULTS_OF = {
-    CauseKind.ANGLE: ("angle", "drift"),
-    CauseKind.FORCE: ("force", "clamping"),
-    CauseKind.ARRIVES: ("tool", "force"),
-    CauseKind.TOOL: ("tool", "friction", "entry"),
-    CauseKind.OVERTONE: ("friction", "backlash"),
-    CauseKind.JAW: ("jaw",),
-    CauseKind.OVAL: ("blank", "gauge", "spindle"),
-    CauseKind.LOBE: (),
-}
-"""The hypotheses (values of `LatheFault`) to which a cause belongs that one part alone shows."""
+LEAST_NAMED_UM = 0.05  # peak to peak, from which a height is not shown as 0.0
+_AMOUNTS = {"angle": "+.1f", "drift": "+.1f", "force": "+.0f"}  # of the others without a sign, in whole numbers
 _FORM: dict[tuple[ToleranceKind, bool | None], str] = {
     (ToleranceKind.ROUNDNESS, True): "round",
     (ToleranceKind.ROUNDNESS, False): "not_round",
@@ -64,21 +54,21 @@ def debrief_sections(debrief: RunDebrief, text: Catalogue) -> list[Section]:
 
 
 def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
-    """Return the cost on the part: roundness with its causes, largest first, and diameter."""
+    """Return the cost on the part: roundness with what may be wrong, and diameter."""
     part = debrief.part
     if part is None:
         return []
     rows, found = list[str](), debrief.diagnosis if part.passed is False else None
-    likely, causes = fault_words(debrief.causes, debrief.along, found, text)
+    likely, others = fault_words(found, debrief.along, text)
     for each in part.judged if part.passed is not None else ():
         if (key := _FORM.get((each.kind, each.passes))) is not None and each.value_um is not None:
             value, over = (text.units.figure(um, "um", 2) for um in (each.value_um, each.value_um - each.limit_um))
             limit, at = text.units.format_short(each.limit_um, "um"), place_words(each.z_mm, text)
             rows.append(text(f"debrief.run.{key}", value=value, limit=limit, over=over, at=at))
     rows += likely
-    if rows and causes:
+    if rows and others:
         rows[-1] += f" {text('cause.title' if found is None else 'diagnosis.alone')}"
-    rows += causes
+    rows += others
     if debrief.off_um is not None and part.diameter_tolerance_um is not None:
         off, most = (
             text.units.show(debrief.off_um, "um", 1, "+"),
@@ -89,30 +79,41 @@ def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
 
 
 def fault_words(
-    causes: Sequence[Cause], along: Sequence[LengthCause], found: FaultDiagnosis | None, text: Catalogue
+    found: FaultDiagnosis | None, along: Sequence[LengthCause], text: Catalogue
 ) -> tuple[list[str], list[str]]:
-    """Return the hypotheses in one sentence, none without any, and what the orders and sections may be.
-
-    Beside a hypothesis that is sure nothing is left of what belongs to another one.
-    """
+    """Return the hypotheses in one sentence, none without any, and what else is on the part."""
+    others = along_words(along, text)
     if found is None:
-        return [], all_cause_words(causes, along, text)
-    best = found.best.fault.value
-    is_open = not found.sure or best == USUAL
-    kept = [each for each in causes if is_open or best in _FAULTS_OF.get(each.kind, (best,))]
-    return [diagnosis_words(found, text)], all_cause_words(kept, along, text)
+        return [], others
+    for order, um in found.apart_um.items():
+        others.append(text("diagnosis.apart", order=order, um=text.units.figure(um, "um", 1)))
+    if found.noise_um is not None and not along:
+        others.append(text("diagnosis.noise", um=text.units.figure(found.noise_um, "um", 1)))
+    return [diagnosis_words(found, text)], others
 
 
 def diagnosis_words(found: FaultDiagnosis, text: Catalogue) -> str:
     """Return the likeliest fault and the next; unless it is sure, what measurement would decide."""
     best, other = found.best, found.next
     ratio = f"{found.ratio:.{0 if found.sure else 1}f}" if found.ratio < MOST_RATIO else f"> {MOST_RATIO:.0f}"
-    said = {"best": text(f"diagnosis.name.{best.fault}"), "next": text(f"diagnosis.name.{other.fault}")}
-    if best.fault != USUAL:
+    said = {"best": _fault_name(best, text), "next": _fault_name(other, text)}
+    amounts = {each.fault.value: _amount(each) for each in found.ranked}
+    if best.fault == USUAL:
+        lobe = {"height": amounts.get("force"), "turn": amounts.get("angle")}
+        said["best"] += f" ({text('diagnosis.lobe', **lobe)})" if all(lobe.values()) else ""
+    else:
         share = "share" if best.um_pp >= LEAST_NAMED_UM else "no_share"
         said["best"] += f" ({text(f'diagnosis.{share}', um=text.units.figure(best.um_pp, 'um', 1))})"
     key = "diagnosis.sure" if found.sure else "diagnosis.open"
     return text(key, **said, ratio=ratio, parts=found.parts, test=_test_words(found, text))
+
+
+def _fault_name(each: Explanation, text: Catalogue) -> str:
+    return text(f"diagnosis.name.{each.fault}", amount=_amount(each))
+
+
+def _amount(each: Explanation) -> str:
+    return format(each.amount, _AMOUNTS.get(each.fault, ".0f"))
 
 
 def _test_words(found: FaultDiagnosis, text: Catalogue) -> str:
@@ -124,9 +125,13 @@ def diagnosis_fields(found: FaultDiagnosis | None) -> dict[str, object] | None:
     """Return a diagnosis as plain values."""
     if found is None:
         return None
-    ranked = [{"fault": each.fault.value, "ln": each.log_likelihood, "um_pp": each.um_pp} for each in found.ranked]
-    named = {"best": found.best.fault.value, "next": found.next.fault.value}
-    return {**named, "ratio": found.ratio, "sure": found.sure, "parts": found.parts, "ranked": ranked}
+    ranked = [
+        {"fault": each.fault.value, "ln": each.log_likelihood, "um_pp": each.um_pp, "amount": each.amount}
+        for each in found.ranked
+    ]
+    apart = [{"n": n, "um_pp": um_pp} for n, um_pp in found.apart_um.items()]
+    named = {"best": found.best.fault.value, "next": found.next.fault.value, "parts": found.parts}
+    return {**named, "ratio": found.ratio, "sure": found.sure, "ranked": ranked, "apart": apart}
 
 
 def incident_words(told: Incident, text: Catalogue) -> str:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
 
@@ -37,10 +37,16 @@ WARM_PARTS = 5.0
 CUT_N_PER_UM = 0.12
 """Passive force of a dull edge on its depth: 1.5 of the main cutting force of aluminium at a feed of 0.05 mm."""
 PLAYS_UM = (2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0)
-ANGLES_DEG = (2.0, 3.0, 4.5, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0)
+ANGLES_DEG = (2.0, 3.0, 4.5, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 26.0, 34.0, 45.0, 60.0)
 RATES_DEG = (0.4, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 WITHIN = 0.15
 """Standard deviation of what a fault makes about a place of these grids, as a fraction."""
+
+WRONG_WAY = 2.0
+"""What a tool leaves that moves the wrong way, over its path; its scale shows none of it."""
+
+LEAST_OF_RONT = 0.15
+"""Fraction of RONt, peak to peak, from which an order stands out of a part."""
 
 
 class LatheFault(StrEnum):
@@ -52,6 +58,7 @@ class LatheFault(StrEnum):
     ANGLE = "angle"
     DRIFT = "drift"
     TOOL = "tool"
+    SIGN = "sign"
     FRICTION = "friction"
     BACKLASH = "backlash"
     GAUGE = "gauge"
@@ -70,7 +77,8 @@ class PartEvidence:
     `left_um` are the harmonics of the part by order, `path_um` that of its path at the order of the lobe as it was
     cut, `tool_um` the tool against its path there, infeed positive. `size_um` is its mean radius above the nominal
     one, `taper_um` the mean radius at the free end less that at the end of the cut. `held` is whether its feed was
-    held. `place` counts the parts from the first of the row, those without evidence too.
+    held. `ront_um` is its roundness. `place` counts the parts from the first of the row, those without evidence
+    too.
     """
 
     left_um: Mapping[int, complex]
@@ -79,6 +87,7 @@ class PartEvidence:
     size_um: float | None = None
     taper_um: float | None = None
     held: bool = False
+    ront_um: float | None = None
     place: int = 0
 
 
@@ -97,11 +106,17 @@ class KnownLathe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
-    """A hypothesis: ln of its likelihood, and what of the last part it explains, um p-p, at most what is left."""
+    """A hypothesis: ln of its likelihood, and what of the last part it explains, um p-p, at most what is left.
+
+    `amount` is what the last part shows, if that is it: of an angle by how many degrees of spindle the lobe is
+    past where the job has it, of a drift these a part, of a force by how many percent the lobe is higher, of a
+    tool the percentage of its path that arrives, of a jaw its number; else 0.
+    """
 
     fault: LatheFault
     log_likelihood: float
     um_pp: float
+    amount: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,11 +124,15 @@ class FaultDiagnosis:
     """The hypotheses, the likeliest first, on the evidence of so many parts.
 
     `misfit` is the squared misfit of the best for each number of the evidence: 1 where it explains all.
+    `apart_um` are the orders of the last part that stand out and are not of the chuck, um p-p; `noise_um` is its
+    RONt where no order stands out, else None.
     """
 
     ranked: tuple[Explanation, ...]
     parts: int
     misfit: float
+    apart_um: Mapping[int, float] = field(default_factory=dict)
+    noise_um: float | None = None
 
     @property
     def best(self) -> Explanation:
@@ -243,12 +262,51 @@ def diagnose(parts: Sequence[PartEvidence], lathe: KnownLathe) -> FaultDiagnosis
     place = max(range(len(found)), key=lambda at: found[at][1])
     misfit = misses[place] / int(np.count_nonzero(evidence.have))
     ranked = [
-        Explanation(fault=fault, log_likelihood=log / max(1.0, misfit), um_pp=_on_part_um(evidence, made))
+        Explanation(
+            fault=fault,
+            log_likelihood=log / max(1.0, misfit),
+            um_pp=_on_part_um(evidence, made),
+            amount=_amount(fault, parts, lathe),
+        )
         for fault, log, made in found
     ]
+    ront_um = parts[-1].ront_um
+    least_um = math.inf if ront_um is None else LEAST_OF_RONT * ront_um
+    out_um = {n: 2.0 * abs(c) for n, c in parts[-1].left_um.items() if n > 1 and 2.0 * abs(c) >= least_um}
     return FaultDiagnosis(
-        ranked=tuple(sorted(ranked, key=lambda each: -each.log_likelihood)), parts=len(parts), misfit=misfit
+        ranked=tuple(sorted(ranked, key=lambda each: -each.log_likelihood)),
+        parts=len(parts),
+        misfit=misfit,
+        apart_um={n: um for n, um in out_um.items() if n != OVAL and n % lathe.lobes},
+        noise_um=None if out_um else ront_um,
     )
+
+
+def _amount(fault: LatheFault, parts: Sequence[PartEvidence], lathe: KnownLathe) -> float:
+    """Return how much of a fault the last part shows, as in `Explanation`."""
+    lobes, lobe, part = lathe.lobes, lathe.lobe_um, parts[-1]
+    had, first = (each.left_um[lobes] + each.path_um + (each.tool_um or 0j) for each in (part, parts[0]))
+    match fault:
+        case LatheFault.ANGLE:
+            return _turn_deg(lobe, had, lobes)
+        case LatheFault.DRIFT:
+            return _turn_deg(first, had, lobes) / max(1, part.place - parts[0].place)
+        case LatheFault.FORCE if lobe:
+            return 100.0 * (abs(had / lobe) - 1.0)
+        case LatheFault.TOOL if part.path_um:
+            off = lobe - part.left_um[lobes] - part.path_um if part.tool_um is None else part.tool_um
+            return 100.0 * (1.0 + (off / part.path_um).real)
+        case LatheFault.JAW if part.left_um.get(OVAL):
+            high_deg = _turn_deg(1.0 + 0j, part.left_um[OVAL], OVAL) - lathe.jaw_1_deg
+            off_deg = [abs(math.remainder(high_deg - 360.0 * jaw / lobes, 180.0)) for jaw in range(lobes)]
+            return 1.0 + off_deg.index(min(off_deg))
+        case _:
+            return 0.0
+
+
+def _turn_deg(before: complex, after: complex, order: int) -> float:
+    """Return by how many degrees of spindle an order has turned, the shorter way; 0 where there is none."""
+    return -math.degrees(cmath.phase(after / before)) / order if before and after else 0.0
 
 
 def _stack(columns: Sequence[Floats]) -> Floats:
@@ -348,6 +406,8 @@ def _made(fault: LatheFault, e: _Evidence) -> Iterator[_Made]:
         case LatheFault.BACKLASH:
             for play_um in PLAYS_UM:
                 yield _about(e.on_part(partial(_left_by_play, lobes, play_um)))
+        case LatheFault.SIGN if any(part.path_um for part in e.parts):
+            yield _about(e.on_part(lambda part: {lobes: WRONG_WAY * part.path_um}))
         case LatheFault.JAW:
             for jaw in range(lathe.lobes):
                 at_rad = math.radians(lathe.jaw_1_deg + 360.0 * jaw / lobes)

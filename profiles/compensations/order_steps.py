@@ -176,12 +176,14 @@ class RepeatHistory:
     def varying(self, lobes: int, states: Mapping[int, OrderState] | None = None) -> frozenset[int]:
         """Return the orders that do not repeat since they have stepped, if they do not drift, by these states.
 
-        Multiples of the lobe are of the chuck, which holds each part.
+        Multiples of the lobe are of the chuck, which holds each part. Where another order has stepped, friction
+        makes something else of the motion from the next part on.
         """
         found = set[int]()
+        coupled = max((state.since + 1 for n, state in (states or {}).items() if n and state.since), default=0)
         for n, parts in self.shown_um.items():
             state = (states or {}).get(n, UNCHANGED)
-            since = parts[state.since :]
+            since = parts[state.since or coupled :]
             if n % lobes and len(since) >= ENOUGH_PARTS and scatter_um(since) > LEAST_UM:
                 found |= set() if state.is_drifting or repeats(since) else {n}
         return frozenset(found)

@@ -15,6 +15,7 @@ import numpy as np
 
 from profiles.arrays import Floats
 from profiles.calibration.lobe import INDEX, OVAL, find_lobe
+from profiles.compensations.learning import fit_harmonics
 from profiles.job import Job
 from profiles.lobe.lobe_fit import FittedHarmonic, fit_lobe
 from profiles.metrology.turns import several_turns
@@ -26,6 +27,8 @@ from profiles.traces import Trace
 
 _OF_A_PLAIN_CUT = ("lobe.not_significant", "lobe.compensated", "lobe.simulated")
 """Reasons why a part does not show the lobe of its job; a path may still be learned from it."""
+
+MOST_ORDER = 15  # that a diagnosis looks at
 
 _UNPLACED = ("lobe.phase_unknown", "learned.jaw_assumed")
 
@@ -56,12 +59,16 @@ class PartHarmonics:
         """Whether its angles are known on the spindle."""
         return not any(reason.code in _UNPLACED for reason in self.reasons)
 
+    @property
+    def spindle_deg(self) -> Floats:
+        """The spindle angles of its trace, shape (M,)."""
+        return (-1.0 if self.against_spindle else 1.0) * self.angle_deg + self.begins_deg
+
     def ront_um(self, less_um: Mapping[int, complex] | None = None) -> float:
         """Return RONt of the part, lowered by Re(c exp(j n angle)) for each n of `less_um`."""
-        spindle_deg = (-1.0 if self.against_spindle else 1.0) * self.angle_deg + self.begins_deg
         left_um = np.array(self.deviation_um)
         for n, coefficient in (less_um or {}).items():
-            left_um -= np.real(coefficient * np.exp(1j * n * np.radians(spindle_deg)))
+            left_um -= np.real(coefficient * np.exp(1j * n * np.radians(self.spindle_deg)))
         return evaluate(self.angle_deg, left_um, self.filter_upr, radius_mm=self.radius_mm).ront_um
 
     def turn_by(self, by_deg: float) -> PartHarmonics:
@@ -142,3 +149,8 @@ def _begins_deg(header: TraceHeader, job: Job) -> float:
     if header.start_mark == INDEX or header.jaw_1_deg is None:
         return 0.0
     return job.jaw_1_deg - (-1.0 if header.against_spindle else 1.0) * header.jaw_1_deg
+
+
+def seen_orders(part: PartHarmonics) -> Mapping[int, complex]:
+    """Return the harmonics of the part up to `MOST_ORDER`, at spindle angles."""
+    return fit_harmonics(part.spindle_deg, part.deviation_um, range(1, MOST_ORDER + 1)).coefficients_um

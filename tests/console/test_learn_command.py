@@ -195,7 +195,7 @@ def test_a_part_without_a_place_on_the_spindle_promises_nothing_even_without_kee
     assert "# start_mark: spindle index | jaw 1" in said.err and "# direction" not in said.err
     found = console("learn", learned, "--job", ring, "--json")
     assert found.code == 1 and (found.json["next"], found.json["expected"]) == (None, None)
-    assert found.json["learned_waves"] == [] and found.json["causes"][0]["kind"] == "unplaced"
+    assert found.json["learned_waves"] == [] and found.json["diagnosis"] is None
     assert found.json["measured"]["lobe_um_pp"] == pytest.approx(4.0 / math.pi * 6.0, abs=0.1)
 
 

@@ -35,7 +35,7 @@ from console.text.run_debrief import debrief_sections
 from console.tui.further.log_lines import entry_words
 from console.tui.records.panels import trace_caption
 from console.tui.records.run_lines import story_lines
-from profiles.compensations.causes import CauseKind
+from profiles.compensations.hypotheses import LatheFault
 from profiles.job import Job
 from profiles.problem import Problem
 from profiles.store import LoadedJob, job_text
@@ -57,11 +57,11 @@ LATE_DEG = 2.0
 BEGAN = datetime(2026, 5, 4, 8, 0, tzinfo=UTC)
 
 
-def turned(late_deg: float = LATE_DEG) -> Trace:
-    """What is left of a lobe that stands `late_deg` further on than the path that was to remove it."""
+def turned(late_deg: float = LATE_DEG, path_deg: float = 0.0) -> Trace:
+    """What is left of a lobe `late_deg` further on than the job has it, by a path that is so by `path_deg`."""
     amplitude_um, phase_deg = 0.5 * (JOB.lobe_error_um_pp or 0.0), JOB.lobe_phase_deg
     lobe = amplitude_um * np.cos(np.radians(3.0 * (ANGLES_DEG - phase_deg - late_deg)))
-    path = amplitude_um * np.cos(np.radians(3.0 * (ANGLES_DEG - phase_deg)))
+    path = amplitude_um * np.cos(np.radians(3.0 * (ANGLES_DEG - phase_deg - path_deg)))
     noise = 0.05 * np.cos(np.radians(7.0 * ANGLES_DEG))
     return Trace(angle_deg=ANGLES_DEG, deviation_um=lobe - path + noise, meta={**META, **MADE.header()})
 
@@ -98,15 +98,40 @@ def codes(debrief: RunDebrief) -> set[str]:
 
 def test_a_lobe_that_stands_elsewhere_is_the_first_cause_with_its_angle_and_um(tmp_path: Path) -> None:
     debrief = run_debrief(recorded(tmp_path, turned()), tmp_path)
-    first = debrief.causes[0]
+    assert debrief.diagnosis is not None
+    angle = next(each for each in debrief.diagnosis.ranked if each.fault is LatheFault.ANGLE)
     # Two cosines of 27.5 um, 3 x 2 degrees apart, differ by 2 x 27.5 sin 3 degrees in amplitude.
-    assert first.kind is CauseKind.ANGLE
-    assert first.value == pytest.approx(LATE_DEG, abs=0.05)
-    assert first.um_pp == pytest.approx(4.0 * 27.5 * math.sin(math.radians(3.0)), abs=0.1)
+    assert angle.amount == pytest.approx(LATE_DEG, abs=0.05)
+    left_um_pp = 4.0 * 27.5 * math.sin(math.radians(3.0))
+    assert 0.5 * left_um_pp < angle.um_pp < left_um_pp + 0.1
     assert list(debrief.advice) == [Advice.CAUSES]
     assert codes(debrief) == {"no_diameter"}
     debrief = run_debrief(recorded(tmp_path, turned(0.1)), tmp_path)
-    assert debrief.causes == () and not debrief.fails_round and list(debrief.advice) == [Advice.NONE]
+    assert not debrief.fails_round and list(debrief.advice) == [Advice.NONE]
+
+
+def row_that_learns(data: Path, *, ends: bool = True) -> RunStory:
+    """A chuck that creeps round by 4 degrees a part, its path one part behind: all parts look alike."""
+    run = RunRecord(data, described(JOB))
+    passes = []
+    for number in (1, 2, 3):
+        trace, path_deg = turned(4.0 * number, 4.0 * (number - 1)), JOB.lobe_phase_deg + 4.0 * (number - 1)
+        how: dict[str, Any] = {"more": {"jaw_1_deg": JOB.jaw_1_deg}, "part": f"part {number}"}
+        run.add("part", {}, part_record(JOB, roundness_of(trace), trace, Stage.FULL, **how))
+        wanted = {"n": 3, "amplitude_um": 27.5, "crest_deg": path_deg}
+        passes.append({"learned": {"wanted": [wanted], "tool_error": [{**wanted, "amplitude_um": 0.0}]}})
+    if ends:
+        run.add("result", {**MADE.event(), **tool_event(0j, 0.0), "passes": passes})
+    run.close()
+    return story(data, run.run_id)
+
+
+def test_a_row_that_learns_is_judged_by_all_its_parts_with_the_path_of_each(tmp_path: Path) -> None:
+    found = run_debrief(row_that_learns(tmp_path), tmp_path).diagnosis
+    assert found is not None and found.parts == 3
+    assert found.best.fault is LatheFault.DRIFT and found.best.amount == pytest.approx(4.0, abs=0.05)
+    ended = run_debrief(row_that_learns(tmp_path, ends=False), tmp_path)
+    assert ended.fails_round and ended.diagnosis is None, "its paths are in no record"
 
 
 def test_what_the_record_lacks_is_said_and_not_guessed(tmp_path: Path) -> None:
@@ -116,12 +141,12 @@ def test_what_the_record_lacks_is_said_and_not_guessed(tmp_path: Path) -> None:
     )
     for changes, code in lacks:
         debrief = run_debrief(recorded(tmp_path, turned(), **changes), tmp_path)
-        assert code in codes(debrief) and debrief.causes == ()
+        assert code in codes(debrief) and list(debrief.advice) == [Advice.NONE]
     moving = run_debrief(recorded(tmp_path, turned()), tmp_path, explains=False)
-    assert moving.fails_round and moving.causes == () and "later" in codes(moving), "while a machine moves"
+    assert moving.fails_round and moving.diagnosis is None and "later" in codes(moving), "while a machine moves"
     trace = replace(turned(), meta={**META, **replace(MADE, compensation="4").header()})
     gone = run_debrief(recorded(tmp_path, trace), tmp_path)
-    assert gone.causes == () and gone.fails_round
+    assert gone.diagnosis is None and gone.fails_round
     assert any(problem.code.startswith("learned.") for problem in gone.unknown), "a version that is gone"
 
 
@@ -159,7 +184,8 @@ def test_command_page_and_report_say_the_same(language: str, console: Console, t
 def test_the_debrief_for_a_program_has_causes_and_codes(console: Console, tmp_path: Path) -> None:
     found = recorded(tmp_path, turned())
     said = json.loads(console("records", "debrief", found.row.run_id, "--data", str(tmp_path), "--json").out)
-    assert said["causes"][0]["kind"] == "angle" and said["next"] == ["causes"]
+    angle = next(each for each in said["diagnosis"]["ranked"] if each["fault"] == "angle")
+    assert angle["amount"] == pytest.approx(LATE_DEG, abs=0.05) and said["next"] == ["causes"]
     assert said["unknown"] == ["debrief.no_diameter"]
 
 
@@ -177,9 +203,9 @@ def test_a_part_that_was_cut_with_jaw_1_off_has_the_causes_that_inspect_shows(tm
     assert shown is not None and shown.learning is not None and shown.learning.taught is not None
     (row,) = runs(tmp_path)
     debrief = run_debrief(story(tmp_path, row.run_id), tmp_path)
-    assert debrief.causes == shown.learning.taught.causes
-    first = debrief.causes[0]
-    assert first.kind is CauseKind.ANGLE and abs(abs(first.value) - 3.0) < 0.2
+    assert debrief.diagnosis == shown.learning.faults.diagnosis and debrief.diagnosis is not None
+    angle = next(each for each in debrief.diagnosis.ranked if each.fault is LatheFault.ANGLE)
+    assert abs(abs(angle.amount) - 3.0) < 0.2
 
 
 def times_of(debrief: RunDebrief) -> dict[str, float]:
@@ -351,14 +377,14 @@ def test_without_a_cause_nothing_is_called_most_likely(tmp_path: Path) -> None:
     changed = replace(MADE, changed="override 97 %")
     found = recorded(tmp_path, turned(), made=changed)
     debrief = run_debrief(found, tmp_path)
-    assert debrief.fails_round and debrief.causes == ()
+    assert debrief.fails_round and debrief.diagnosis is None
     told = " ".join(row for _, rows in debrief_sections(debrief, load("en")) for row in rows)
     assert "too much." in told and "Most likely" not in told
     assert "override 97 %" in told, "why it is not known"
     explained = run_debrief(recorded(tmp_path, turned()), tmp_path)
     rows = [row for _, rows in debrief_sections(explained, load("en")) for row in rows]
     assert rows[0].endswith("too much.") and rows[1].startswith("Not sure") and "To decide:" in rows[1]
-    assert rows[1].endswith("largest first:")
+    assert f"turned {LATE_DEG:+.1f}°" in rows[1]
 
 
 def test_the_log_has_the_name_under_which_a_job_is_stored_and_no_refused_entry() -> None:

@@ -203,7 +203,7 @@ def test_a_part_cut_before_the_console_was_restarted_is_judged_by_the_record(out
     assert now is not None and then is not None and now.taught is not None and then.taught is not None
     assert now.made == then.made
     assert now.taught.step.next.path == then.taught.step.next.path
-    assert now.taught.causes == then.taught.causes
+    assert now.taught.evidence == then.taught.evidence
     assert state.measured.result.ront_um == pytest.approx(before.result.ront_um)
     assert len(outside.events("measured")) == 2
 

@@ -28,6 +28,7 @@ from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.heartbeat import cut_condition
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
 from profiles.compensations.certificate import CertifiedOrder, OrderStatus
+from profiles.compensations.change import OrderState
 from profiles.compensations.learning import Deviation, GrownHarmonic, HarmonicFit, coefficient_of
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath, free_state_lobe, target_path
@@ -232,12 +233,14 @@ class Air:
 
     def __init__(self, learner: learning._Learner, arrives: complex) -> None:
         self.learner, self.arrives, self.errors_um = learner, arrives, list[float]()
+        self.coupled_um = dict[int, complex]()
 
     def __call__(self) -> HarmonicFit:
         path, learner = self.learner._path, self.learner
         error_um = {
             n: coefficient_of(path.target, n)
             - self.arrives * learner._response(n) * coefficient_of(path.command, n)
+            + self.coupled_um.get(n, 0j)
             for n in learner._orders.fitted
         }
         self.errors_um.append(abs(error_um[2]))
@@ -270,6 +273,21 @@ def test_an_oval_that_the_chuck_makes_is_learned_in_air_and_only_that(tmp_path: 
     assert coefficient_of(learner._path.command, 6) == pytest.approx(sixth), "the lobe is learned in the parts"
     learner._in_air_anew()
     assert len(air.errors_um) == 4, "the tool follows it: no pass more"
+
+
+@pytest.mark.parametrize("stepped", [False, True])
+def test_what_friction_makes_of_the_motion_after_a_step_is_learned_in_air(stepped: bool) -> None:
+    """Twice a turn has another angle; 4 and 5 times a turn follow from that. Of a first step parts show them."""
+    learner = learner_of(RING)
+    air = Air(learner, arrives=1.0)
+    air.coupled_um = {2: 4.0 + 0j, 4: 1.8 + 0j, 5: 0.6j, 3: 2.0 + 0j}
+    learner._air_pass = air  # type: ignore[method-assign]
+    learner._orders._states = {2: OrderState(since=3, fresh=stepped, stepped_um=12.0 + 0j)}
+    learner._path = replace(learner._path, target=learner._path.target.plus({2: 12.0 + 0j}))
+    learner._in_air_anew()
+    left_um = {n: abs(c) for n, c in air().coefficients_um.items()}
+    assert left_um[2] < 0.1 and left_um[3] == pytest.approx(2.0), "the lobe is learned in the parts"
+    assert (left_um[4], left_um[5]) == pytest.approx((0.0, 0.0) if stepped else (1.8, 0.6), abs=0.05)
 
 
 @pytest.mark.parametrize("jaws", [2, 3, 4, 6])

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from profiles.axis.stiffness import held_back_um
+from profiles.compensations.change import OrderState
 from profiles.compensations.learning import coefficient_of, next_trim_um
 from profiles.compensations.order_steps import RepeatHistory
 from profiles.compensations.path import (
@@ -330,6 +331,14 @@ def test_an_order_has_to_stand_out_of_its_scatter_over_three_parts() -> None:
     assert seen(5, *third[:2]).varying(3) == frozenset(), "two parts are no evidence"
     assert seen(5, *(0.2 * third)).varying(3) == frozenset(), "no lathe repeats 0.2 um"
     assert seen(6, *third).varying(3) == frozenset(), "the chuck holds each part alike"
+
+
+def test_what_friction_makes_of_another_motion_after_a_step_is_not_told_by_the_parts_before() -> None:
+    """Twice a turn steps with the fourth part; from the fifth on the tool moves otherwise."""
+    five = seen(5, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0)
+    assert five.varying(3) == {5}
+    assert five.varying(3, {2: OrderState(since=3), 5: OrderState()}) == frozenset()
+    assert five.varying(3, {0: OrderState(since=3)}) == {5}, "a step of the size is no other motion"
 
 
 def test_what_is_withdrawn_is_as_the_first_part_had_it_and_the_rest_as_learned() -> None:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from profiles.arrays import Floats, floats
 from profiles.compensations.hypotheses import (
@@ -35,7 +38,9 @@ def part(surface_um: Floats, place: int = 0, *, tool: complex = 0j, seed: int = 
     seen = np.fft.rfft(surface_um + noise) / (TURN.size / 2)
     left = {n: complex(seen[n]) for n in range(1, 16)}
     size_um, path_um = 20.0 + 0.3 * place, complex(np.fft.rfft(LOBE)[3] / (TURN.size / 2))
-    return PartEvidence(left_um=left, path_um=path_um, tool_um=tool, size_um=size_um, taper_um=5.0, place=place)
+    how: dict[str, Any] = {"tool_um": tool, "size_um": size_um, "taper_um": 5.0}
+    ront_um = float(np.ptp(surface_um + noise))
+    return PartEvidence(left_um=left, path_um=path_um, ront_um=ront_um, place=place, **how)
 
 
 def said(make: Callable[[int], Floats], parts: int = 3) -> FaultDiagnosis:
@@ -120,3 +125,63 @@ def test_a_hold_is_named_only_where_one_is_recorded() -> None:
 def test_a_machine_that_warms_up_makes_parts_smaller_one_by_one() -> None:
     parts = [replace(part(0.0 * LOBE, at), size_um=20.0 - 40.0 * (1.0 - np.exp(-at / 5.0))) for at in range(3)]
     assert diagnose(parts, LATHE).best.fault is LatheFault.THERMAL
+
+
+def alone(surface_um: Floats) -> FaultDiagnosis:
+    """What is said of one part."""
+    return diagnose([replace(part(surface_um), size_um=None, taper_um=None)], LATHE)
+
+
+def scaled(height: float) -> Floats:
+    return floats((height - 1.0) * LOBE)
+
+
+@given(off_deg=st.floats(4.0, 60.0), way=st.sampled_from([-1.0, 1.0]))
+def test_a_jaw_that_is_elsewhere_is_named_with_its_angle(off_deg: float, way: float) -> None:
+    found = alone(turned(way * off_deg))
+    assert found.best.fault is LatheFault.ANGLE
+    assert (found.best.amount - way * off_deg + 60.0) % 120.0 - 60.0 == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("percent", [-25.0, -20.0, 20.0, 25.0])
+def test_another_chucking_force_is_named_with_its_difference(percent: float) -> None:
+    found = alone(scaled(1.0 + percent / 100.0))
+    assert LatheFault.FORCE in {each.fault for each in found.ranked[:2]}, "of one part as likely as its clamping"
+    force = next(each for each in found.ranked if each.fault is LatheFault.FORCE)
+    assert force.amount == pytest.approx(percent, abs=0.5)
+
+
+def test_a_tool_that_moves_the_wrong_way_is_named_and_never_more_than_is_left() -> None:
+    found = alone(2.0 * LOBE)
+    assert (found.best.fault, found.sure) == (LatheFault.SIGN, True)
+    assert found.best.um_pp == pytest.approx(4.0 * LOBE_UM, rel=0.01)
+    plain = [replace(part(LOBE), path_um=0j)]
+    assert all(each.fault is not LatheFault.SIGN for each in diagnose(plain, LATHE).ranked), "without a path"
+
+
+@pytest.mark.parametrize("arrives", [0.3, 0.5, 0.7])
+def test_a_path_that_arrives_in_part_is_named_with_the_part(arrives: float) -> None:
+    """Its scale has seen it, or nothing has been polled."""
+    lost_um = -(1.0 - arrives) * LATHE.lobe_um
+    for tool_um in (lost_um, None):
+        found = diagnose([replace(part((1.0 - arrives) * LOBE), tool_um=tool_um)], LATHE)
+        tool = next(each for each in found.ranked if each.fault is LatheFault.TOOL)
+        assert tool.amount == pytest.approx(100.0 * arrives, abs=1.0)
+        assert tool_um is None or found.best.fault is LatheFault.TOOL
+
+
+@pytest.mark.parametrize("jaw", [1, 2, 3])
+def test_a_jaw_that_presses_harder_is_named_with_its_number(jaw: int) -> None:
+    """A ring under one more radial force: harmonics 1 / (n^2 - 1)^2, with a maximum at that jaw once released."""
+    at = TURN - np.radians(JAW_1_DEG + (jaw - 1) * 120.0)
+    harder_um = floats(sum(6.0 * (9.0 / (n**2 - 1) ** 2) * np.cos(n * at) for n in range(2, 12)))
+    found = said(lambda _: harder_um)
+    assert (found.best.fault, found.best.amount) == (LatheFault.JAW, jaw)
+
+
+def test_what_is_not_of_the_chuck_and_noise_are_called_so() -> None:
+    found = alone(floats(4.0 * np.cos(5.0 * TURN) + 3.0 * np.cos(6.0 * TURN) + 0.3 * np.cos(7.0 * TURN)))
+    assert found.apart_um == {5: pytest.approx(8.0, abs=0.1)} and found.noise_um is None
+    rough = floats(np.random.default_rng(3).normal(scale=2.0, size=TURN.size))
+    found = alone(rough)
+    assert found.apart_um == {} and found.noise_um == pytest.approx(float(np.ptp(rough)), abs=1.0)

@@ -11,8 +11,8 @@ from console.session.learning.row_faults import RowFaults
 from console.session.station.state import MeasuredPart, StationState
 from console.session.work import with_strategy
 from console.text.catalogue import load
+from console.text.run_debrief import fault_words
 from console.tui.pages.inspect import InspectPage
-from profiles.compensations.causes import Cause, CauseKind
 from profiles.compensations.hypotheses import Explanation, FaultDiagnosis, LatheFault
 from profiles.problem import Problem
 from tests.tui.page_stage import Shown, shown_on
@@ -35,10 +35,9 @@ def words(part: MeasuredPart, language: str = "en") -> str:
     return " ".join(inspected(part, language).text.replace("│", " ").split())
 
 
-def with_faults(part: MeasuredPart, faults: RowFaults, *causes: Cause) -> MeasuredPart:
-    assert part.learning is not None and part.learning.taught is not None
-    taught = replace(part.learning.taught, causes=causes)
-    return replace(part, learning=replace(part.learning, taught=taught, faults=faults))
+def with_faults(part: MeasuredPart, faults: RowFaults) -> MeasuredPart:
+    assert part.learning is not None
+    return replace(part, learning=replace(part.learning, faults=faults))
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -59,13 +58,9 @@ def test_a_section_in_the_mark_of_a_stop_teaches_nothing_and_is_named(language: 
 def diagnosis(best: LatheFault, other: LatheFault, lead: float, um_pp: float = 11.1) -> FaultDiagnosis:
     ranked = (
         Explanation(fault=best, log_likelihood=lead, um_pp=um_pp),
-        Explanation(fault=other, log_likelihood=0.0, um_pp=7.0),
+        Explanation(fault=other, log_likelihood=0.0, um_pp=7.0, amount=-2.9),
     )
-    return FaultDiagnosis(ranked=ranked, parts=3, misfit=0.5)
-
-
-TURNED = Cause(kind=CauseKind.ANGLE, um_pp=11.1, order=3, value=-2.9, sd=0.1)
-NINTH = Cause(kind=CauseKind.HARMONIC, um_pp=3.4, order=7)
+    return FaultDiagnosis(ranked=ranked, parts=3, misfit=0.5, apart_um={7: 3.4})
 
 
 @pytest.mark.parametrize(
@@ -76,13 +71,15 @@ NINTH = Cause(kind=CauseKind.HARMONIC, um_pp=3.4, order=7)
         (LatheFault.ENTRY, "the push of the cut at its entry"),
     ],
 )
-def test_the_likeliest_fault_is_said_and_no_cause_of_another_one(best: LatheFault, named: str) -> None:
-    """An angle that fits this part as well is not said beside what the parts of its row show for sure."""
-    sure = with_faults(FAILED, RowFaults(diagnosis=diagnosis(best, LatheFault.ANGLE, 9.0)), TURNED, NINTH)
-    assert f"Sure (parts: 3): {named}" in words(sure) and "Jaw 1 is" not in words(sure)
+def test_the_likeliest_fault_is_said_and_what_none_explains(best: LatheFault, named: str) -> None:
+    found = diagnosis(best, LatheFault.ANGLE, 9.0)
+    sure = with_faults(FAILED, RowFaults(diagnosis=found))
+    assert f"Sure (parts: 3): {named}" in words(sure)
+    (other,) = fault_words(found, (), load("en"))[1]
+    assert other.startswith("7/rev is not from the chuck: 3.4 um p-p")
     assert inspected(sure).next_step != load("en")("inspect_page.next.failed_jaw")
-    unsure = with_faults(FAILED, RowFaults(diagnosis=diagnosis(best, LatheFault.ANGLE, 1.0)), TURNED)
-    assert f"Likeliest: {named}" in words(unsure) and "next: jaw 1 elsewhere" in words(unsure)
+    unsure = with_faults(FAILED, RowFaults(diagnosis=diagnosis(best, LatheFault.ANGLE, 1.0)))
+    assert f"Likeliest: {named}" in words(unsure) and "next: jaw 1 elsewhere, by -2.9°" in words(unsure)
     assert "To decide:" in words(unsure)
 
 

@@ -16,6 +16,7 @@ from console.session.cut.alignment import Alignment, JawAngle
 from console.session.data.learned_store import store
 from console.session.data.stop_records import simulated_record
 from console.session.data.stop_records import store as store_stops
+from console.session.learning.row_faults import RowFaults
 from console.session.station.commands import Verify
 from console.session.station.machine_connection import CommissioningGate
 from console.session.station.progress import CutStage
@@ -39,7 +40,7 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.plant.workshop_view import WorkshopView
-from profiles.compensations.causes import Cause, CauseKind
+from profiles.compensations.hypotheses import LatheFault
 from profiles.compensations.learned_compensation import (
     ExpectedPart,
     LearnedCompensation,
@@ -56,6 +57,7 @@ from tests.tui import align_stage, run_stage
 from tests.tui.page_stage import READY, PageScene, Shown, on_page, shown_on
 from tests.tui.scenes import fixed_world, previewed, signed, taught_part
 from tests.tui.stage import EXPERIMENT, FRAME_ROWS, LANGUAGES, experiment, look_at
+from tests.tui.test_faults_on_inspect import diagnosis
 
 EN = load("en")
 PART = taught_part()
@@ -104,10 +106,10 @@ def test_where_jaw_1_explains_the_most_it_is_one_remedy_or_the_other(language: s
     """A correction learned with jaw 1 taken wrongly would be made twice once jaw 1 is found again."""
     assert PART.learning is not None and PART.learning.taught is not None
     text = load(language)
-    turned = Cause(kind=CauseKind.ANGLE, um_pp=16.8, order=3, value=5.8, sd=1.3)
+    turned = RowFaults(diagnosis=diagnosis(LatheFault.ANGLE, LatheFault.DRIFT, 1.0))
     step = replace(PART.learning.taught.step, expected_half_width_um_pp=0.0)  # no two clampings differ
-    taught = replace(PART.learning.taught, causes=(turned,), step=step)
-    measured = replace(PART, learning=replace(PART.learning, taught=taught))
+    taught = replace(PART.learning.taught, step=step)
+    measured = replace(PART, learning=replace(PART.learning, taught=taught, faults=turned))
     failed = inspected(fails(measured), language)
     assert failed.next_step == text("inspect_page.next.failed_jaw") and cell_len(failed.next_step) <= 77
     assert "not both" in panel(fails(measured))

@@ -9,7 +9,7 @@ import shlex
 from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 from console.cli.library import data_of, known_gauge_of, name_file_in_problems, naming
@@ -236,7 +236,6 @@ def _step_fields(found: LearningOutcome) -> dict[str, object]:
         "expected": expected if step.placed else None,
         "contraction": None if step.contraction is None else _contraction_fields(step.contraction, lobes),
         "certificate": certificate_fields(step.certificate),
-        "causes": [asdict(cause) for cause in found.causes],
         "contractions": [{"n": n, **_contraction_fields(c, n)} for n, c in sorted(step.contractions.items())],
     }
 
@@ -287,9 +286,9 @@ def _step_lines(
         lines += ["", *certificate_lines(step.certificate, step.next.path.target.lobes, text)]
     else:
         lines += table([(name, measured, unit) for name, measured, _, unit in rows], numeric=(1,))
-    likely, causes = fault_words(found.causes, (), diagnosis, text)
-    alone = [text("diagnosis.alone"), *(f"  {words}" for words in causes)] if causes else []
-    return [*lines, "", *likely, *alone] if fails else lines
+    likely, others = fault_words(diagnosis, (), text)
+    alone = [text("diagnosis.alone"), *(f"  {words}" for words in others)] if others else []
+    return [*lines, "", *likely, *alone] if fails and likely else lines
 
 
 def _below_forecast(calculated_um: float, text: Catalogue) -> list[str]:

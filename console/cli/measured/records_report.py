@@ -154,7 +154,6 @@ def debrief_run(options: Namespace, text: Catalogue) -> None:
         lambda: {
             **row_fields(found.row),
             "setup": found.setup,
-            "causes": [asdict(cause) for cause in debrief.causes],
             "diagnosis": diagnosis_fields(debrief.diagnosis),
             "next": [each.value for each in debrief.advice],
             "happened": [{"at_s": each.at_s, "text": incident_words(each, text)} for each in debrief.happened],

@@ -13,7 +13,7 @@ from console.text.catalogue import Catalogue
 from console.text.columns import table
 from console.text.part_sentences import (
     LEVELLED,
-    all_cause_words,
+    along_words,
     extraction_words,
     filter_name,
     judged_words,
@@ -152,7 +152,7 @@ def cause_rows(whole: CylinderResult, judged: Sequence[JudgedFigure], text: Cata
     """Return why the sections of a part differ, or of one that fails what explains that; [] where they do not."""
     along = causes_of_failure(whole.causes, judged)
     title = text("cause.title" if passes_all(judged) is False else "cause.differ")
-    causes = [f"  {words}" for words in all_cause_words((), along, text)]
+    causes = [f"  {words}" for words in along_words(along, text)]
     return ["", title, *causes] if causes else []
 
 

@@ -10,7 +10,7 @@ from console.session.learning.part_learning import PartLearning
 from console.session.station.state import MeasuredPart, StationState
 from console.session.work import Work
 from drivers.cutting.strategy import Strategy
-from profiles.compensations.causes import CauseKind
+from profiles.compensations.hypotheses import LatheFault
 from profiles.metrology.conformity import ToleranceKind, passes_all
 from profiles.metrology.length_causes import LengthCause, LengthCauseKind, causes_of_failure
 from profiles.problem import Problem
@@ -47,10 +47,8 @@ def is_elsewhere(taught: LearningOutcome) -> bool:
 
 def jaw_explains(learning: PartLearning) -> bool:
     """Whether jaw 1 elsewhere is the likeliest: found again, it must not be corrected as well."""
-    if learning.faults.diagnosis is not None:
-        return learning.faults.diagnosis.best.fault.value == CauseKind.ANGLE.value
-    causes = () if learning.taught is None else learning.taught.causes
-    return bool(causes) and causes[0].kind is CauseKind.ANGLE
+    found = learning.faults.diagnosis
+    return found is not None and found.best.fault is LatheFault.ANGLE
 
 
 def fails_in_mark(part: MeasuredPart) -> bool:

@@ -296,12 +296,17 @@ class _Learner:
         return self._error(watch.last())
 
     def _in_air_anew(self) -> None:
-        """Learn in air what a part has added where the blank disturbs the tool, too: in air there is none."""
+        """Learn in air what a part has added where the blank disturbs the tool, too: in air there is none.
+
+        After a step the motion is another one, and so is what friction makes of it at the orders beside the lobe.
+        """
         moved = [
             n
             for n in self._watch.select_learned(dict.fromkeys(self._orders.of_blanks))
             if self._moved_um(n) > MOVED_UM
         ]
+        if moved and self._orders.has_stepped:
+            moved = list(self._watch.select_learned(dict.fromkeys(self._orders.beside)))
         watch = HarmonicWatch()
         for _ in range(AIR_PASSES if moved else 0):
             error = self._air_pass()

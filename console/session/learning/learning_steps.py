@@ -46,7 +46,6 @@ from profiles.arrays import read_only
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.grip import force_sd_n, lobe_um_per_n
 from profiles.compensations.axial_learning import fit_axial
-from profiles.compensations.causes import Cause, causes, seen_orders
 from profiles.compensations.certificate import (
     OrderStatus,
     ToolResponse,
@@ -66,7 +65,7 @@ from profiles.compensations.learned_compensation import (
 )
 from profiles.compensations.learning import coefficient_of
 from profiles.compensations.next_version import AppliedPath, LearningStep, next_version
-from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
+from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics, seen_orders
 from profiles.compensations.path import MOST_HARMONICS, MOST_MEAN_UM, CutPath, target_path
 from profiles.compensations.push import left_along_um
 from profiles.files import printable
@@ -102,7 +101,7 @@ class LeftHarmonic:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearningOutcome:
-    """A learning step, its cut, warnings, each harmonic that could be learned, and why the part is not round.
+    """A learning step, its cut, warnings, and each harmonic that could be learned.
 
     `evidence` is what the part is for a diagnosis, as far as its trace and its cut tell; None without its angles.
     """
@@ -112,7 +111,6 @@ class LearningOutcome:
     stage: Stage
     warnings: tuple[Problem, ...]
     harmonics: tuple[LeftHarmonic, ...]
-    causes: tuple[Cause, ...] = ()
     evidence: PartEvidence | None = None
 
 
@@ -210,7 +208,6 @@ def learn_from_part(
             *step.warnings,
         ),
         harmonics=harmonics,
-        causes=causes(part, cut, filed, tool_um=cut.tool_um, placed=part.is_placed),
         evidence=read.evidence,
     )
 
@@ -248,15 +245,19 @@ class _ReadPart:
                 left_um=seen_orders(self.part),
                 path_um=self.cut.fraction * coefficient_of(target, target.lobes),
                 tool_um=self.cut.tool_um or None,
+                ront_um=self.part.ront_um(),
             )
             if self.part.is_placed
             else None
         )
 
 
-def evidence_from(of: RecordedCut, data: Path) -> PartEvidence | None:
-    """Return what a part is for a diagnosis, None without its angles; raises as `learn_from_part`."""
-    return _read_part(of, data).evidence
+def evidence_from(of: RecordedCut, data: Path) -> PartEvidence:
+    """Return what a part is for a diagnosis; raises as `learn_from_part`, and why its angles are not known."""
+    read = _read_part(of, data)
+    if read.evidence is None:
+        raise SessionError(*read.part.reasons)
+    return read.evidence
 
 
 def _read_part(

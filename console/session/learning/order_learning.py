@@ -197,6 +197,11 @@ class OrderLearning:
         return self._states.get(order, UNCHANGED)
 
     @property
+    def has_stepped(self) -> bool:
+        """Whether the last part has shown a step of an order."""
+        return any(state.fresh for order, state in self._states.items() if order)
+
+    @property
     def changes(self) -> tuple[OrderChange, ...]:
         """What the last part has shown of steps and drifts."""
         found = (change_of(self.state(n), n) for n in (MEAN, *self.learned))

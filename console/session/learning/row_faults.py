@@ -6,9 +6,10 @@ For the debrief of a run, the page Inspect and `console learn` alike.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from console.session.data.measured_part import RecordedPart, made_with, parts_made, tool_lobe_um
 from console.session.data.run_reader import RunFilters, runs
@@ -22,12 +23,13 @@ from drivers.simulator.plant.which_lathe import LATHE, WHICH
 from profiles.axis.sampled_loop import loop_of
 from profiles.axis.stiffness import compliance_um_per_n
 from profiles.compensations.hypotheses import MULTIPLES, FaultDiagnosis, KnownLathe, PartEvidence, diagnose
-from profiles.compensations.path import free_state_lobe
+from profiles.compensations.path import PathHarmonic, free_state_lobe
 from profiles.files import parse_toml
 from profiles.job import Job
 from profiles.machine import MachineProfile, machine_from_table
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
+from profiles.strict_values import number
 
 MOST_EARLIER, MOST_COMPARED, LAST_PARTS = 8, 5, 3
 """Parts looked up before the last one, those whose evidence is compared, and those that are all to be worse."""
@@ -38,10 +40,14 @@ PLAIN = frozenset(each.value for each in Strategy if not each.traits.follows_lob
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RowFaults:
-    """The hypotheses on the last part, None if the record does not tell; why compensation is advised against."""
+    """The hypotheses on the last part, None if the record does not tell; why compensation is advised against.
+
+    `unknown` is why the record does not tell.
+    """
 
     diagnosis: FaultDiagnosis | None = None
     worse: tuple[Problem, ...] = ()
+    unknown: tuple[Problem, ...] = ()
 
 
 NO_FAULTS = RowFaults()
@@ -55,8 +61,13 @@ def find_faults(
     `evidence` is that of its part where it is known already. It raises nothing of what a record lacks.
     """
     stories = (*_earlier(story, data), story)
-    found = _diagnosis(stories[-MOST_COMPARED:], data, evidence) if explains else None
-    return RowFaults(diagnosis=found, worse=_worse(stories))
+    worse = _worse(stories)
+    if not explains:
+        return RowFaults(worse=worse)
+    try:
+        return RowFaults(diagnosis=_diagnosis(stories, data, evidence), worse=worse)
+    except ProblemError as error:
+        return RowFaults(worse=worse, unknown=tuple(error.problems))
 
 
 def diagnose_parts(parts: Sequence[PartEvidence], job: Job, machine: MachineProfile) -> FaultDiagnosis:
@@ -121,19 +132,60 @@ def _earlier(story: RunStory, data: Path) -> tuple[RunStory, ...]:
 
 
 def _diagnosis(stories: Sequence[RunStory], data: Path, evidence: PartEvidence | None) -> FaultDiagnosis | None:
-    parts = list[PartEvidence]()
-    for place, story in enumerate(stories):
-        part, seen = story.product, evidence if story is stories[-1] else None
+    """Return the hypotheses on the last part; raises ProblemError, why the record of that does not tell."""
+    made = [(story, part) for story in stories for part in parts_of(story)][-MOST_COMPARED:]
+    parts, last, job = list[PartEvidence](), stories[-1], stories[-1].read_job()
+    for place, (story, part) in enumerate(made):
+        is_last = place == len(made) - 1
         try:
-            if part is not None and seen is None:
-                seen = evidence_from(recorded_cut(story, part), data)
+            seen = evidence if is_last and evidence is not None else _evidence_of(story, part, data)
         except ProblemError:
+            if is_last:
+                raise
             continue
-        if part is not None and seen is not None:
-            parts.append(_with_record(seen, part, story, place))
-    if not parts or parts[-1].place != len(stories) - 1 or (job := stories[-1].read_job()) is None:
+        parts.append(_with_record(seen, part, story, place))
+    if job is None or not parts_of(last):
         return None
-    return diagnose_parts(parts, job, machine_of(stories[-1]))
+    return diagnose_parts(parts, job, machine_of(last))
+
+
+def parts_of(story: RunStory) -> list[RecordedPart]:
+    """Return the parts that a run was for: all those of a row that learns, else the last."""
+    made = [part for part in story.parts if part.product]
+    return made if made and _number(made[0]) else made[-1:]
+
+
+def _number(part: RecordedPart) -> int:
+    """Return which part of a row that learns it is, from 1; 0 of one that is in no row."""
+    counted = part.part.partition(" ")[2]
+    return int(counted) if counted.isdecimal() else 0
+
+
+def _evidence_of(story: RunStory, part: RecordedPart, data: Path) -> PartEvidence:
+    """Return what a part is for a diagnosis; of a row that learns with its own path, which the result of that has.
+
+    Raises ProblemError: the record does not suffice.
+    """
+    of = recorded_cut(story, part)
+    seen, place = evidence_from(of, data), _number(part)
+    if not place:
+        return seen
+    try:
+        learned = [event.data["passes"] for event in ends_of(story)][-1][place - 1]["learned"]
+        path_um, off_um = (_order_um(learned[name], of.job.job.jaws) for name in ("wanted", "tool_error"))
+    except (LookupError, TypeError, ValueError) as error:
+        raise SessionError() from error
+    return replace(seen, path_um=path_um, tool_um=-off_um)
+
+
+def _order_um(waves: Sequence[Mapping[str, Any]], order: int) -> complex:
+    """Return an order of recorded undulations, um; raises ValueError: its figures are no numbers."""
+    found = (
+        PathHarmonic(lobes=order, amplitude_um=number(each["amplitude_um"]), phase_deg=number(each["crest_deg"]))
+        for each in waves
+        if each["n"] == order
+    )
+    return sum((each.coefficient for each in found), 0j)
 
 
 def _with_record(seen: PartEvidence, part: RecordedPart, story: RunStory, place: int) -> PartEvidence:
@@ -151,6 +203,6 @@ def _with_record(seen: PartEvidence, part: RecordedPart, story: RunStory, place:
 
 def _worse(stories: Sequence[RunStory]) -> tuple[Problem, ...]:
     """Return `learning.worse` if the last parts with compensation are all less round than those without."""
-    parts = [(story.row.strategy in PLAIN, story.product) for story in stories]
-    of = {kind: [p.ront_um for plain, p in parts if plain is kind and p and p.ront_um] for kind in (True, False)}
+    parts = [(story.row.strategy in PLAIN, part.ront_um) for story in stories for part in parts_of(story)]
+    of = {kind: [um for plain, um in parts if plain is kind and um] for kind in (True, False)}
     return worse_than_plain(of[True], of[False][-LAST_PARTS:])

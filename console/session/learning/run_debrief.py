@@ -10,20 +10,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
 from console.session.data.measured_part import RecordedPart
 from console.session.data.run_rows import FAILED_HOW, RunOutcome
 from console.session.data.run_story import COMMAND, RunEvent, RunStory
-from console.session.learning.learning_steps import LearningOutcome, learn_from_part
-from console.session.learning.row_faults import NO_FAULTS, PLAIN, ends_of, find_faults, recorded_cut
+from console.session.learning.row_faults import NO_FAULTS, PLAIN, ends_of, find_faults
 from console.session.stages import Stage
 from console.session.stop_keys import is_by_key
-from profiles.compensations.causes import Cause
 from profiles.compensations.hypotheses import FaultDiagnosis
 from profiles.metrology.conformity import ToleranceKind
 from profiles.metrology.length_causes import LengthCause, causes_of_failure
-from profiles.problem import Problem, ProblemError
+from profiles.problem import Problem
 
 SEEN_WITHIN_S = 60.0
 
@@ -64,7 +61,7 @@ class Incident:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunDebrief:
-    """The debrief of a run. `causes` are those of a `part` that is not round enough, largest first.
+    """The debrief of a run.
 
     `diagnosis` compares what may be wrong by the parts so far; None where the record does not tell. `worse` is
     why compensation is advised against. `along` is why the sections of a part that fails differ, `off_um` the
@@ -75,7 +72,6 @@ class RunDebrief:
     part: RecordedPart | None
     fails_round: bool
     off_um: float | None
-    causes: tuple[Cause, ...]
     diagnosis: FaultDiagnosis | None
     worse: tuple[Problem, ...]
     along: tuple[LengthCause, ...]
@@ -86,24 +82,15 @@ class RunDebrief:
 def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDebrief:
     """Return the debrief of a run; learned versions are those of the data folder. It raises nothing.
 
-    Unless it `explains`, causes are left for later: to find them takes a second of numerics.
+    Unless it `explains`, the diagnosis is left for later: it takes a second of numerics.
     """
     part = story.product
     judged = part is not None and part.passed is not None and part.tolerance_um is not None
     fails_round = judged and part is not None and part.is_round is False
-    causes: tuple[Cause, ...] = ()
-    faults, evidence = NO_FAULTS, None
+    faults = find_faults(story, data) if explains and part is not None else NO_FAULTS
     unknown = list(_unknown(story, part))
-    if fails_round and not explains:
-        unknown.append(Problem(code="debrief.later"))
-    elif part is not None and fails_round:
-        try:
-            taught = _taught(story, part, data)
-            causes, evidence = taught.causes, taught.evidence
-        except ProblemError as error:
-            unknown += error.problems
-    if explains and part is not None:
-        faults = find_faults(story, data, evidence=evidence)
+    if fails_round:
+        unknown += faults.unknown if explains else (Problem(code="debrief.later"),)
     happened = tuple(_list_events(story))
     size = None if part is None else part.figure(ToleranceKind.DIAMETER)
     off_um = size.value_um if size is not None and size.passes is False else None
@@ -112,7 +99,6 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
         part=part,
         fails_round=fails_round,
         off_um=off_um,
-        causes=causes,
         diagnosis=faults.diagnosis,
         worse=faults.worse,
         along=causes_of_failure(part.length_causes, part.judged)
@@ -124,13 +110,6 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
     stopped = story.row.ended.how in FAILED_HOW - {RunOutcome.HELD}
     none = Advice.STOPPED if stopped else Advice.NONE
     return replace(found, advice=tuple(_advice(story, found)) or (() if found.worse else (none,)))
-
-
-def _taught(story: RunStory, part: RecordedPart, data: Path) -> LearningOutcome:
-    """Return what a part teaches. Raises ProblemError: the record does not suffice."""
-    of, date = recorded_cut(story, part), part.at.isoformat()
-    how: dict[str, Any] = {"gain": None, "robust": False, "date": date, "tool_um": of.tool_um}
-    return learn_from_part(of.trace, of.job, of.machine, data, of.made, **how)
 
 
 def _unknown(story: RunStory, part: RecordedPart | None) -> Iterator[Problem]:
@@ -176,7 +155,7 @@ def _is_shown(event: RunEvent) -> bool:
 
 
 def _advice(story: RunStory, found: RunDebrief) -> Iterator[Advice]:
-    if found.causes or found.along:
+    if (found.fails_round and found.diagnosis is not None) or found.along:
         yield Advice.CAUSES
     elif found.fails_round and story.row.strategy in PLAIN:
         yield Advice.PLAIN

@@ -18,12 +18,11 @@ from console.session.stages import Stage
 from console.session.station.state import MeasuredPart
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.text.part_sentences import all_cause_words, certificate_lines, force_words
+from console.text.part_sentences import along_words, certificate_lines, force_words
 from console.text.recorded_words import is_plain, stage_words, strategy_words
-from console.text.run_debrief import fault_words
+from console.text.run_debrief import LEAST_NAMED_UM, fault_words
 from console.tui.lines import BLANK, Line, hanging, line, name_in, wrap_line
 from console.tui.theme import Token
-from profiles.compensations.causes import LEAST_NAMED_UM
 from profiles.compensations.path import expect_residual
 from profiles.files import printable
 from profiles.metrology.length_causes import LengthCause
@@ -86,7 +85,7 @@ def learn_lines(
     lines = head_lines(learning, work, text, width, **how)
     taught = learning.taught
     if not failed and not brief:
-        for words in all_cause_words((), along, text):
+        for words in along_words(along, text):
             lines += hanging(_CAUSE, words, width)
     if taught is not None and not marked:
         lines += wrap_line(_harmonics_words(taught, text), width)
@@ -109,7 +108,7 @@ def head_lines(
 ) -> list[Line]:
     """Return the plain words: causes of a failed part, its residual, the key to press, reasons of a refusal."""
     if marked:
-        said = " ".join((text("inspect_page.plain.missed"), *all_cause_words((), along, text)))
+        said = " ".join((text("inspect_page.plain.missed"), *along_words(along, text)))
         return hanging(_CAUSE, said, width, Token.STRONG)
     lines = cause_lines(learning, text, width, brief=brief, along=along) if failed else []
     worse = [text.problem(each) for each in learning.faults.worse]
@@ -129,12 +128,11 @@ def force_lines(part: MeasuredPart, check: ForceCheck | None, text: Catalogue, w
 def cause_lines(
     learning: PartLearning, text: Catalogue, width: int, *, brief: bool, along: Sequence[LengthCause]
 ) -> list[Line]:
-    """Return what a part that failed may have: the hypotheses, then its orders and `along` its length.
+    """Return what a part that failed may have: the hypotheses, then what else is on it and `along` its length.
 
     `brief`: only the first of these.
     """
-    causes, found = () if learning.taught is None else learning.taught.causes, learning.faults.diagnosis
-    likely, words = fault_words(causes, along, found, text)
+    likely, words = fault_words(learning.faults.diagnosis, along, text)
     words = [*likely, *([text("diagnosis.alone")] if likely and words else []), *words][: 1 if brief else None]
     said = [" ".join((text("inspect_page.plain.missed"), *words[:1])), *words[1:]]
     return [row for sentence in said for row in hanging(_CAUSE, sentence, width, Token.STRONG)]

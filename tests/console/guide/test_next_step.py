@@ -42,7 +42,7 @@ from drivers.lathe.console_role import ConsoleRole
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.workshop_view import CollisionKind, WorkshopView
 from profiles.arrays import floats
-from profiles.compensations.causes import Cause, CauseKind
+from profiles.compensations.hypotheses import LatheFault
 from profiles.metrology.conformity import DecisionRule, FigureUncertainty
 from profiles.metrology.cylindricity import evaluate_points
 from profiles.metrology.uncertainty import UncertaintyBudget
@@ -54,7 +54,7 @@ from tests.system.lathe_sites import compact_text
 from tests.tui import align_stage, run_stage, scenes
 from tests.tui.run_stage import VALID, look
 from tests.tui.stage import REST, experiment, lathe
-from tests.tui.test_faults_on_inspect import FAILED
+from tests.tui.test_faults_on_inspect import FAILED, diagnosis
 from tests.tui.test_learning_keys import WRONG
 
 OFF_UNHOMED = REST | {"open_loop"}
@@ -138,12 +138,13 @@ def parts() -> Iterator[MeasuredPart | None]:
     assert good.learning is not None and good.learning.taught is not None
     learning, taught = good.learning, good.learning.taught
     sure = replace(taught, step=replace(taught.step, expected_half_width_um_pp=0.0))
-    turned = replace(sure, causes=(Cause(kind=CauseKind.ANGLE, um_pp=16.8, order=3, value=5.8, sd=1.3),))
+    turned = RowFaults(diagnosis=diagnosis(LatheFault.ANGLE, LatheFault.DRIFT, 1.0))
     elsewhere = replace(taught, warnings=(Problem(code="learned.lobe_elsewhere"),))
     nothing = [Problem(code=f"learned.{code}") for code in ("worse", "diverges", "nothing")]
     lessons = [
         learning,
-        *(replace(learning, taught=each) for each in (sure, turned, elsewhere)),
+        *(replace(learning, taught=each) for each in (sure, elsewhere)),
+        replace(learning, taught=sure, faults=turned),
         *(PartLearning(made=learning.made, problems=(each,)) for each in nothing),
     ]
     for lesson, stage, most_um in product(lessons, ("full", "partial"), (2.0, 10.0)):
