@@ -173,7 +173,8 @@ def _conformity(part: RecordedPart, judged: JudgedFigure | None, verdict: Report
     if verdict.judgement is Judgement.DOUBTFUL:
         return SIGNS[Judgement.DOUBTFUL]
     if judged.passes is None or (part.passed is None and part.is_good is not None):
-        return f"{SIGNS[Judgement.OPEN]} {text('report.certificate.open')}"
+        is_open = judged.is_open and part.is_open
+        return f"{SIGNS[Judgement.OPEN]} {text('report.unproven' if is_open else 'report.not_judged')}"
     sign = SIGNS[Judgement.GOOD if judged.passes else Judgement.BAD]
     return f"{sign} {text('report.certificate.within' if judged.passes else 'report.certificate.outside')}"
 

@@ -444,18 +444,18 @@ def _all_parts(run: OpenedRun, text: Catalogue) -> Markup | None:
             f"{number(part.worst[0], 3)}{place_words(part.worst[1], text)}",
             number(part.lobe_um_pp, 3),
             number(part.diameter_mm, 4),
-            _describe_pass(part.passed, text),
+            _describe_pass(part, text),
         ]
         for part, note in (*again, *parts)
     ]
     return table(text("report.all_parts"), [*head, text("report.judged")], rows, numeric=(1, 2, 3))
 
 
-def _describe_pass(passed: bool | None, text: Catalogue) -> str:
-    if passed is None:
-        return text("report.not_judged")
-    sign = SIGNS[Judgement.GOOD if passed else Judgement.BAD]
-    return f"{sign} {text('report.good' if passed else 'report.bad')}"
+def _describe_pass(part: RecordedPart, text: Catalogue) -> str:
+    if part.passed is None:
+        return text("report.unproven" if part.is_open else "report.not_judged")
+    sign = SIGNS[Judgement.GOOD if part.passed else Judgement.BAD]
+    return f"{sign} {text('report.good' if part.passed else 'report.bad')}"
 
 
 def _checks(run: OpenedRun, text: Catalogue) -> Markup:

@@ -59,3 +59,8 @@ def test_a_run_on_a_gauge_has_its_u_in_result_and_record(console: Console, tmp_p
     open_ = console("run", JOB, "--sim", "--gauge", "indicator-on-table", *data, "--json").json
     assert open_["within_tolerance"] is None
     assert json.dumps(open_)  # no infinity
+    assert "not proven either way" in console("records", "list", *data).out
+    file = tmp_path / "report.html"
+    assert console("report", "--output", str(file), *data).code == 0
+    first = file.read_text().partition('id="asked"')[0]
+    assert "not proven either way" in first and "not judged" not in first

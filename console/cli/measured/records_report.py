@@ -102,7 +102,7 @@ def _result(row: RunRow, text: Catalogue) -> str:
     result = f"RONt {row.least_round_um:.2f} um{place_words(row.worst_z_mm, text)}"
     if row.tolerance_um is None:
         return result
-    unjudged = "records.not_judged" if row.proven else "records.not_proven"
+    unjudged = f"records.{'not_proven' if not row.proven else 'unproven' if row.unproven else 'not_judged'}"
     failed = "records.failed" if row.least_round_um > row.tolerance_um else "records.failed_elsewhere"
     verdict = {True: "records.passed", False: failed, None: unjudged}[row.passed]
     return text(verdict, result=result, limit=f"{row.tolerance_um:g}")

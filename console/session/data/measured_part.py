@@ -444,6 +444,11 @@ class RecordedPart:
         """
         return False if self.is_round is False else passes_all(self.judged)
 
+    @property
+    def is_open(self) -> bool:
+        """Whether it was to be good, and a figure is proven neither way."""
+        return self.passed is None and self.is_full and any(each.is_open for each in self.judged)
+
     def read_trace(self) -> Trace | None:
         """Parse the trace of the judged section, with the operator's answers in its header; None without one.
 

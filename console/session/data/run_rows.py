@@ -10,6 +10,7 @@ from enum import StrEnum
 from typing import Any
 
 from console.session.data.history import form_of
+from profiles.metrology.conformity import DecisionRule
 from profiles.problem import Problem
 from profiles.strict_values import from_json, number_or_none
 
@@ -55,8 +56,9 @@ class RunRow:
     that a cut with nothing learned has inverted, None for the model's. `ront_um` is RONt of the product (not of a
     part cut for comparison), least squares circle, as filtered in `console.session.cut.run`; None where it was not
     measured. `cylt_um` is its cylindricity, `worst_ront_um` RONt of its least round section, at `worst_z_mm`; None
-    where it was not measured so. `passed` is None of a part that was not meant to be good. `diameter_mm` is its
-    mean diameter, that may be off by `diameter_tolerance_um` either way, None where that is not judged. Of a cut
+    where it was not measured so. `passed` is None of a part that was not meant to be good, and of an
+    `unproven` one, which its gauge proves neither good nor bad. `diameter_mm` is its mean diameter, that may be
+    off by `diameter_tolerance_um` either way, None where that is not judged. Of a cut
     that is not `proven` the polls do not tell whether the tool kept to its plan. `damaged` says that some of its
     data cannot be read.
     """
@@ -81,6 +83,7 @@ class RunRow:
     nominal_diameter_mm: float | None = None
     diameter_tolerance_um: float | None = None
     passed: bool | None = None
+    unproven: bool = False
     proven: bool = True
     damaged: bool = False
 
@@ -171,17 +174,18 @@ _FIGURES = ("ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diamete
 FORM = """CASE WHEN json_valid(data) THEN json_object(
     'CYLt_um', json_extract(data, '$.CYLt_um'), 'sections', json_extract(data, '$.sections')) END"""
 """What `form_of` reads, of the data of a measurement."""
+_RULE = "CASE WHEN json_valid(data) THEN json_extract(data, '$.uncertainty.decision_rule') END"
 
 
 def _parts(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return the newest measurement of each run's product: its figures by their names."""
     query = (
-        f"SELECT run_id, {FORM}, {', '.join(_FIGURES)} FROM measurements"
+        f"SELECT run_id, {FORM}, {', '.join(_FIGURES)}, {_RULE} FROM measurements"
         f" WHERE product = 1 AND run_id IN ({_marks(run_ids)}) ORDER BY run_id, number"
     )
     found = database.execute(query, tuple(run_ids))
     return {
-        run_id: {**dict(zip(_FIGURES, part, strict=True)), **form_of(table_of(form or ""))}
+        run_id: {**dict(zip((*_FIGURES, "rule"), part, strict=True)), **form_of(table_of(form or ""))}
         for run_id, form, *part in found
     }
 
@@ -194,6 +198,7 @@ def _row(run: Sequence[Any], ends: list[Event], part: dict[str, Any] | None, *, 
     run_id, started, job, machine, simulated, strategy, operator, stage, compensation, tolerance_um, setup = run
     figures = {**(part or {})}
     limit_um, passed = figures.pop("tolerance_um", None), figures.pop("passed", None)
+    is_guarded = figures.pop("rule", None) not in (None, DecisionRule.SIMPLE)
     made = (
         _stage_and_compensation(ends)
         if stage is None
@@ -215,6 +220,7 @@ def _row(run: Sequence[Any], ends: list[Event], part: dict[str, Any] | None, *, 
         **figures,
         tolerance_um=tolerance_um if tolerance_um is not None else limit_um,
         passed=None if passed is None else bool(passed),
+        unproven=is_guarded and passed is None and stage in (None, "full"),
         proven=not any(table_of(data).get("cut_verdict") == NOT_PROVEN for _, data in ends),
         damaged=damaged or ahead,
     )

@@ -75,7 +75,7 @@ def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 def _verdict(part: RecordedPart, text: Catalogue, width: int) -> list[Line]:
     """Return RONt of a part against its tolerance, and its diameter if that has one, as they were judged."""
     judged, nominal_mm = part.judged, part.nominal_diameter_mm or 0.0
-    if (worst_um := part.worst[0]) is not None and part.passed is None:
+    if (worst_um := part.worst[0]) is not None and part.passed is None and not part.is_open:
         facts = roundness_facts(worst_um, part.tolerance_um, text)
         judged = tuple(each for each in judged if each.passes is None)
         rows = [line((text("records_page.not_judged", **facts), Token.TEXT))]
