@@ -14,6 +14,7 @@ from profiles.compensations.hypotheses import LatheFault
 from profiles.metrology.conformity import ToleranceKind, passes_all
 from profiles.metrology.length_causes import LengthCause, LengthCauseKind, causes_of_failure
 from profiles.problem import Problem
+from profiles.trace_files.header import GAUGE_ERROR
 
 ELSEWHERE = "learned.lobe_elsewhere"
 MARK_REACH_MM = 0.35  # to either side of a mark: half a land of 0.4 mm, and some way of the carriage. A choice.
@@ -134,3 +135,10 @@ def run_id_of(state: StationState) -> str | None:
     """Return the run of the measured part; None without one."""
     part = state.measured or state.form
     return None if part is None else part.run_id
+
+
+def turning_decides(part: MeasuredPart) -> bool:
+    """Whether a figure is open since the spindle error of its gauge is unknown, which a second placement shows."""
+    rows = () if part.budget is None else part.budget.rows
+    unknown = any(each.source == "spindle" and each.roundness_um is None for each in rows)
+    return unknown and GAUGE_ERROR not in part.trace.meta and any(each.is_open for each in part.judged)

@@ -19,6 +19,7 @@ from console.session.guide.measured_part import (
     is_kept,
     is_taken,
     jaw_explains,
+    turning_decides,
 )
 from console.session.guide.situation import GuidePhase, Situation, phase_of
 from console.session.guide.start_checks import is_over
@@ -272,6 +273,7 @@ INSPECT = (
         Row("inspect.part_learn", lambda s: s.stands_out, "inspect.accept"),
         Row("inspect.diameter", _part(lambda part, s: _OFF_SIZE(s) and part.offset_taken), "inspect.next"),
         Row("inspect.offset", _OFF_SIZE, "inspect.offset", do.CorrectTouchOff),
+        Row("inspect.turn", _part(lambda part, _: turning_decides(part)), "inspect.turned", do.MeasureTurned),
         Row(
             "inspect.unproven", _part(lambda part, _: any(each.is_open for each in part.judged)), "inspect.import"
         ),

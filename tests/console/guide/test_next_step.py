@@ -45,7 +45,7 @@ from profiles.arrays import floats
 from profiles.compensations.hypotheses import LatheFault
 from profiles.metrology.conformity import DecisionRule, FigureUncertainty
 from profiles.metrology.cylindricity import evaluate_points
-from profiles.metrology.uncertainty import UncertaintyBudget
+from profiles.metrology.uncertainty import BudgetRow, UncertaintyBudget
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
 from profiles.trace_files.sections import SurfacePoints, no_sections
@@ -157,12 +157,22 @@ def parts() -> Iterator[MeasuredPart | None]:
     yield replace(good, job=replace(good.job, roundness_tolerance_um=10.0, cylindricity_tolerance_um=10.0))
     unknown = FigureUncertainty(rule=DecisionRule.ISO_2017)
     yield replace(good, budget=UncertaintyBudget(gauge="a gauge", rows=(), expanded=unknown))
+    yield turned_next()
     worse = RowFaults(worse=(Problem(code="learning.worse"),))
     yield replace(good, learning=replace(learning, faults=worse))
     yield replace(FAILED, marks_mm=(FAILED.job.overhang_mm - 22.0,))
     plain = scenes.part(Strategy.NONE, scenes.BEFORE)
     yield plain
     yield replace(plain, lobe=found_lobe())
+
+
+def turned_next() -> MeasuredPart:
+    """A part on a gauge whose file does not state the error of its spindle."""
+    spindle = BudgetRow(source="spindle", roundness_um=None, cylindricity_um=None, diameter_um=0.0)
+    unknown = FigureUncertainty(rule=DecisionRule.ISO_2017)
+    return replace(
+        scenes.taught_part(), budget=UncertaintyBudget(gauge="a gauge", rows=(spindle,), expanded=unknown)
+    )
 
 
 @cache
@@ -342,3 +352,13 @@ def test_the_guide_leads_to_a_learned_part(
     align += ["touch_off_over", "touch_off_touching"]
     after = ["run.arm", "run.armed", "inspect.measure", "inspect.failed_scatter", "inspect.kept"]
     assert said == ["run.no_job", *(f"align.{name}" for name in align), *after]
+
+
+def test_a_part_is_turned_where_the_spindle_of_its_gauge_is_unknown_and_not_again() -> None:
+    part = turned_next()
+    done = replace(part, trace=replace(part.trace, meta={**part.trace.meta, "gauge_error": "a gauge: 2 UPR"}))
+    rows = [
+        next_step(situation(run_stage.state(UNCLAMPED, measured=each, cut_done=False), None))
+        for each in (part, done)
+    ]
+    assert [row.key for row in rows] == ["inspect.turned", "inspect.import"]
