@@ -32,6 +32,7 @@ VALID_DAYS = 365  # of a gauge's error, from its separation on (choice)
 MOST_AMPLIFIED = 5.0  # by more than that the noise of a reading grows in a blind order (choice)
 TURNED_BACK = 5.0  # times less of the gauge's error, if the part was turned the other way (choice)
 SURE = math.sqrt(-2.0 * math.log(1.0 - CONFIDENCE))  # radius of 95 % of a phasor's scatter, in standard deviations
+_DECIMAL_UM = 1e-9  # below the last decimal of any file
 _NOISE_ORDERS = range(HIGHEST_HARMONIC + 1, 2 * HIGHEST_HARMONIC + 1)
 Complexes = NDArray[np.complex128]
 
@@ -110,6 +111,20 @@ class GaugeError:
                 if moved_um > SURE * math.hypot(now.sd_um, then.sd_um):
                     found[now.upr] = moved_um
         return found
+
+
+def is_same_reading(one_um: Floats, other_um: Floats) -> bool:
+    """Return whether two readings differ by no more than the rounding of the one with fewer decimals."""
+    if one_um.size != other_um.size:
+        return False
+    coarser_um = max(map(_last_decimal, (one_um, other_um)))
+    return float(np.abs(one_um - other_um).max()) <= 0.5 * coarser_um + _DECIMAL_UM
+
+
+def _last_decimal(deviation_um: Floats) -> float:
+    """Return the step of the last decimal of written deviations, um; 0 if they are not rounded."""
+    written = (k for k in range(9) if np.abs(deviation_um - np.round(deviation_um, k)).max() < _DECIMAL_UM)
+    return next((10.0**-k for k in written), 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

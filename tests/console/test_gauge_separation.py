@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -130,7 +131,8 @@ def test_what_separates_nothing_is_refused(
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("# operator: Kim", ("same content", "90.csv", "0.csv")),  # the same reading under another header
+        ("# operator: Kim", ("same readings", "90.csv", "0.csv")),  # the same reading under another header
+        ("# operator: Lee, fewer digits", ("same readings", "90.csv", "0.csv")),
         ("# state: clamped", ("state", "clamped", "free")),
         ("# direction: ccw", ("direction", "ccw", "spindle")),
         ("# radius_mm: 30.6", ("radius_mm", "30.6", "30.0")),
@@ -145,6 +147,8 @@ def test_what_is_no_second_placement_of_the_part_is_refused(
     head = "# direction: spindle\n# radius_mm: 30.0\n# z_mm: 13\n"
     rows = first.read_text() if "operator" in line else second.read_text()
     first.write_text(head + first.read_text())
+    if "fewer" in line:
+        rows = re.sub(r"(?<=,)-?\d+\.\d+", lambda found: f"{float(found[0]):.1f}", rows)
     kept = [each for each in (head + rows).splitlines() if not each.startswith(f"{line.split(':')[0]}:")]
     second.write_text("\n".join([line, *kept]) + "\n")
     said = console("roundness", str(first), str(second), "--separate", "0,90")
@@ -169,3 +173,21 @@ def test_u_holds_what_two_placements_leave_unknown_of_a_gauge_that_states_a_true
     assert later["RONt_um"] == pytest.approx(both["RONt_um"], abs=1e-6)
     assert later["uncertainty"]["RONt_U_um"] == pytest.approx(both["uncertainty"]["RONt_U_um"], rel=0.01)
     assert "bench" in later["warnings"][0]
+
+
+def test_a_gauge_that_errs_by_more_than_its_file_declares_is_told(console: Console, tmp_path: Path) -> None:
+    """3 um at 2 UPR are found where 0.1 um are declared; where 4 um are, nothing is told."""
+    files = [placed(tmp_path, str(turned), turned) for turned in (0, 90)]
+    own, data = tmp_path / "bench.toml", ("--data", str(tmp_path))
+    own.write_text('schema = 1\nname = "bench"\nspindle_error_um = 0.1\n')
+    keeps = ("--separate", "0,90", "--save-gauge-error", "bench", *data)
+    said = console("roundness", *files, *keeps, "--gauge", str(own))
+    assert "bench errs by more" in said.err and "2 UPR 3.000 ±" in said.err and "0.1 um" in said.err
+    assert "3 UPR" not in said.err
+    shown = console("gauges", "show", str(own), *data)
+    assert shown.code == 0 and "bench errs by more" in shown.err
+    for declared in ("spindle_error_um = 4", "spindle_error_um = 4\nspindle_error_upr = 2", "roundness_u_um = 7"):
+        own.write_text(f'schema = 1\nname = "bench"\n{declared}\n')
+        assert console("gauges", "show", str(own), *data).err == "", declared
+    own.write_text('schema = 1\nname = "bench"\nspindle_error_um = 4\nspindle_error_upr = 3\n')
+    assert "4 um (3 UPR)" in console("gauges", "show", str(own), *data).err

@@ -17,6 +17,7 @@ from console.session.learning.gauge_errors import (
     newest_error,
     refuse_unlike,
     spell_drift,
+    undeclared_error,
 )
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -49,6 +50,7 @@ class SeparatedFiles:
     kept: Path | None
     drift_um: dict[int, float] | None
     turning_sd_deg: float
+    told: tuple[Problem, ...]
 
 
 def placements(words: str) -> tuple[Placement, ...]:
@@ -111,6 +113,7 @@ def separate_files(options: Namespace) -> SeparatedFiles:
         kept=kept,
         drift_um=drift_um,
         turning_sd_deg=sd_deg,
+        told=() if gauge is None else undeclared_error(gauge, error),
     )
 
 
@@ -129,7 +132,7 @@ def without_kept_error(
     if error is None and name is not None:
         raise ProfileError(Problem(code="gauge.error_unknown", key=printable(name)))
     found, told = filed_without_error(found, error)
-    return found, error, told
+    return found, error, told if gauge is None else (*told, *undeclared_error(gauge, error))
 
 
 def separation_fields(apart: SeparatedFiles) -> dict[str, object]:

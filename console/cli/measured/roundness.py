@@ -101,7 +101,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         sections = read_surface([Path(file) for file in (options.file, *options.others)])
         sections, error, off = without_kept_error(options, sections)
     else:
-        sections, error = (apart.first,), apart.error
+        sections, error, off = (apart.first,), apart.error, apart.told
     told = tell(off, text)
     if isinstance(sections, SurfacePoints) or len(sections) > 1:
         return _whole(options, sections, text, told, error)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from console.cli.commands import add_actions
 from console.cli.library import data_of
-from console.cli.output import show
+from console.cli.output import show, tell
 from console.cli.parser import Parser
 from console.cli.part.library_list import Listed, fields_of_entry, list_library, sentences
 from console.session.data.kept_files import gauges_folder, make_folder
@@ -56,6 +56,8 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _show(options: Namespace, folder: Path, text: Catalogue) -> None:
     """Show what the file of a gauge states; its unit stands beside each amount."""
+    from console.session.learning.gauge_errors import newest_error, undeclared_error
+
     gauge = load_gauge(options.source, folder)
     stated = {field: getattr(gauge, field.key) for field in GAUGE_FIELDS}
     rows = [
@@ -66,7 +68,9 @@ def _show(options: Namespace, folder: Path, text: Catalogue) -> None:
         )
         for field, value in stated.items()
     ]
-    show(options, lambda: {field.key: value for field, value in stated.items()}, lambda: table(rows))
+    warnings = tell(undeclared_error(gauge, newest_error(folder.parent, gauge.name)), text)
+    fields = {**{field.key: value for field, value in stated.items()}, "warnings": warnings}
+    show(options, lambda: fields, lambda: table(rows))
 
 
 def _copy(options: Namespace, folder: Path, text: Catalogue) -> None:

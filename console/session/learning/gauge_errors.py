@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import date, timedelta
@@ -15,7 +16,7 @@ from console.session.gauge_in_use import gauge_in_use
 from profiles.files import printable
 from profiles.gauge import GaugeProfile
 from profiles.metrology.harmonics import HIGHEST_HARMONIC
-from profiles.metrology.separation import VALID_DAYS, GaugeError, Separation
+from profiles.metrology.separation import SURE, VALID_DAYS, GaugeError, Separation, is_same_reading
 from profiles.metrology.uncertainty import KnownGauge
 from profiles.problem import Problem, ProfileError
 from profiles.strict_values import record
@@ -26,21 +27,22 @@ from profiles.traces import Trace
 
 KIND = "gauge-error"
 ORDERS = range(2, HIGHEST_HARMONIC + 1)  # that a separation finds
+LEAST_UM = 0.001  # of a gauge's error where its file declares none: the last decimal that is shown
 
 
 def refuse_unlike(placed: Sequence[tuple[str, Trace]]) -> None:
     """Refuse readings, each with the name of its file, that are not several placements of one part.
 
-    Raises ProfileError: `separation.same_file`, the same reading twice, so that all of it would be the gauge's
-    error; `separation.corrected`, an error of the gauge was taken off it; `separation.unlike`, the headers state
-    another part, state or direction.
+    Raises ProfileError: `separation.same_file`, the same reading twice but for rounding, so that all of it
+    would be the gauge's error; `separation.corrected`, an error of the gauge was taken off it;
+    `separation.unlike`, the headers state another part, state or direction.
     """
     for name, trace in placed:
         if (off := trace.meta.get(GAUGE_ERROR)) is not None:
             value = printable(off)
             raise ProfileError(Problem(code="separation.corrected", where=printable(name), value=value))
     for (first, one), (name, other) in combinations(placed, 2):
-        if one.deviation_um.tobytes() == other.deviation_um.tobytes():
+        if is_same_reading(one.deviation_um, other.deviation_um):
             raise ProfileError(Problem(code="separation.same_file", where=printable(name), value=printable(first)))
         for key, both in _unlike(header_of(one.meta)[0], header_of(other.meta)[0]).items():
             value, limit = (printable(str(each)) for each in both)
@@ -141,12 +143,29 @@ def error_told(error: GaugeError | None) -> tuple[Problem, ...]:
 
 
 def spindle_told(gauge: KnownGauge | None) -> tuple[Problem, ...]:
-    """Return that nobody knows the error of the gauge's spindle: what is learned from its readings has it, too."""
+    """Return that nobody knows the error of the gauge's spindle, or that its file says less."""
     if gauge is None or gauge.error is not None:
-        return ()
+        return () if gauge is None else undeclared_error(gauge.profile, gauge.error)
     own = gauge.profile
     is_stated = own.spindle_error_um is not None or own.roundness_u_um is not None
     return () if is_stated else (Problem(code="gauge.spindle_unknown", key=own.name),)
+
+
+def undeclared_error(gauge: GaugeProfile, error: GaugeError | None) -> tuple[Problem, ...]:
+    """Return where a separation finds more than the file of the gauge declares, beyond its own uncertainty."""
+    declared_um, only_upr = gauge.spindle_error_um, gauge.spindle_error_upr
+    if gauge.roundness_u_um is not None:  # RONt of a wave is twice its amplitude
+        declared_um, only_upr = 0.5 * gauge.roundness_u_um, None
+    if error is None or declared_um is None:
+        return ()
+    found = list[str]()
+    for each in error.orders:
+        um, unsure_um = math.hypot(each.cosine_um, each.sine_um), SURE * each.sd_um
+        if um - unsure_um > (declared_um if only_upr in (None, each.upr) else LEAST_UM):
+            found.append(f"{each.upr} UPR {um:.3f} ± {unsure_um:.3f} um")
+    limit = f"{declared_um:g} um" + ("" if only_upr is None else f" ({only_upr} UPR)")
+    told = Problem(code="gauge.undeclared", key=gauge.name, value=", ".join(found), limit=limit)
+    return (told,) if found else ()
 
 
 def without_gauge_error(trace: Trace, error: GaugeError | None) -> tuple[Trace, tuple[Problem, ...]]:

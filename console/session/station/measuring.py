@@ -34,6 +34,7 @@ from console.session.learning.gauge_errors import (
     newest_error,
     refuse_unlike,
     simulated_gauge,
+    undeclared_error,
     without_gauge_error,
 )
 from console.session.learning.learning_steps import as_cut, sections_like
@@ -371,6 +372,7 @@ def _judge_part(
     job, strategy, phase_known = found.job, Strategy(cut.made.strategy), found.header.phase_known
     assert job is not None
     lobe, own = None, _gauge(context)
+    untold = () if own is None else undeclared_error(own, error)
     gauge = None if own is None else KnownGauge(profile=own, error=error)
     if not strategy.traits.follows_lobe:
         lobe = PartLobe(loaded=loaded, file=file[0], file_sha256=file[1])
@@ -379,7 +381,7 @@ def _judge_part(
         job=job,
         strategy=strategy,
         trace=found.turn,
-        result=replace(found.result, warnings=(*found.warnings, *found.result.warnings)),
+        result=replace(found.result, warnings=(*found.warnings, *untold, *found.result.warnings)),
         jaw_1_deg=job.jaw_1_deg,
         phase_known=phase_known,
         lobe=lobe,
