@@ -167,6 +167,21 @@ def test_the_half_width_holds_the_lobe_of_a_rough_part(falls_as: float) -> None:
     assert 0.90 <= held / 400, held
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("memory", [0.9, 0.95])
+def test_the_half_width_holds_the_lobe_beside_chatter_and_is_no_wider_than_that(memory: float) -> None:
+    """AR(1) noise and three high orders, 400 traces; all would hold it if every noise were a power law."""
+    from scipy.signal import lfilter
+
+    rng, held, angle = np.random.default_rng(480 + int(100 * memory)), 0, turn(720)
+    for _ in range(400):
+        noise = lfilter([1.0], [1.0, -memory], rng.normal(0.0, 0.2, 1720))[1000:]
+        chatter = [harmonic(angle, int(n), 0.6, 10.0) for n in rng.integers(40, 120, 3)]
+        lobe = fit_lobe(angle, harmonic(angle, 3, 27.5, 0.0) + noise + sum(chatter), 3).lobe
+        held += abs(lobe.amplitude_um - 27.5) <= lobe.ci_um
+    assert 0.93 <= held / 400 <= 0.99, held
+
+
 def test_a_wave_that_was_not_declared_makes_no_noise_of_the_others() -> None:
     """One line of 2 um in white noise of 0.1 um: the lobe is as sure as the variance of both makes it."""
     rng, angle = np.random.default_rng(8), turn(360)
