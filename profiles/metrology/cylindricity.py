@@ -17,9 +17,10 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from profiles.arrays import Floats, floats
-from profiles.metrology.circles import exchange_basis, limacon_circle
+from profiles.metrology.circles import Optimum, exchange_basis, limacon_circle
 from profiles.metrology.conformity import SectionForm
 from profiles.metrology.length_causes import CAUSES, LengthCause, length_causes
 from profiles.metrology.points import POINTS_PER_UNDULATION, angle_weights, gaussian_weights
@@ -51,6 +52,7 @@ _STAYS_UM = 1e-9
 _MOST_TURNS = 20
 _OUTSIDE = 1e-12
 _TINY = 1e-11
+_OTHER_SIDE = np.array([[1.0], [-1.0], [-1.0], [-1.0], [-1.0]])
 _UNUSED = 100.0
 """Price of a contact that is none, in peak-to-peak deviations: a start for the exchange."""
 
@@ -380,28 +382,37 @@ def _moved(kind: str, points: Points) -> Floats:
 
 def _extreme(kind: str, design: Floats, left_um: Floats) -> Floats:
     """Return the shift of the axis from that of least squares, by the exchange of contacts."""
-    span_um, size = float(np.ptp(left_um)), left_um.size
+    span_um = float(np.ptp(left_um))
     if span_um == 0.0:
         return np.zeros(4)
-    zone = kind == MINIMUM_ZONE
+    if kind == MINIMUM_ZONE:
+        return floats(span_um * contacts(zone_columns(design), left_um / span_um).prices[-4:])
     sign = -1.0 if kind == MAXIMUM_INSCRIBED else 1.0
-    gains, sides = sign * left_um / span_um, 2 if zone else 1
-    rows, columns = sides + 4, [np.vstack([design[:1]] + [np.zeros((1, size))] * (sides - 1) + [design[1:]])]
-    of_gains = [gains]
-    if zone:
-        columns.append(np.vstack([np.zeros((1, size)), design[:1], -design[1:]]))
-        of_gains.append(-gains)
-    columns.append(np.eye(rows))
-    of_gains.append(np.full(rows, -_UNUSED))
-    every, gain = np.hstack(columns), np.concatenate(of_gains)
+    return floats(sign * span_um * contacts(design, sign * left_um / span_um).prices[-4:])
+
+
+def zone_columns(design: Floats) -> Floats:
+    """Return the columns of a minimum zone, (6, 2 M), of the design (5, M) of its points."""
+    return np.hstack([np.insert(design, 1, 0.0, axis=0), np.insert(design * _OTHER_SIDE, 0, 0.0, axis=0)])
+
+
+def contacts(
+    columns: Floats, gains: Floats, start: NDArray[np.intp] | None = None, outside: float = _OUTSIDE
+) -> Optimum:
+    """Return the contacts of points, deviations (M,) of a span near 1, with a zone, or a cylinder: (5, M) columns.
+
+    `start` is the basis of other deviations at the same points. The width of a zone is the first two prices.
+    """
+    rows = columns.shape[0]
+    every = np.hstack([columns, np.eye(rows)])
+    gain = np.concatenate([*(gains, -gains)[: rows - 4], np.full(rows, -_UNUSED)])
     # A cylinder that rests on few points: without the tiny forces every exchange at the start would bring nothing.
     rhs = _TINY * np.arange(1.0, rows + 1.0)
-    rhs[:sides] = 1.0
-    start = np.arange(every.shape[1] - rows, every.shape[1], dtype=np.intp)
-    optimum = exchange_basis(
-        every, gain, rhs, start, tolerance=_OUTSIDE, excess_of=lambda prices: floats(gain - prices @ every)
+    rhs[: rows - 4] = 1.0
+    basis = np.arange(gain.size - rows, gain.size, dtype=np.intp) if start is None else start
+    return exchange_basis(
+        every, gain, rhs, basis, tolerance=outside, excess_of=lambda prices: floats(gain - prices @ every)
     )
-    return floats(sign * span_um * optimum.prices[-4:])
 
 
 def filtered_section(section: PartSection, filter_upr: float | None, filter_kind: FilterKind) -> PartSection:

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from profiles.gauge import GaugeProfile
-from profiles.metrology.cylindricity import PartSection, evaluate_cylinder
+from profiles.metrology.cylindricity import PartSection
 from profiles.metrology.uncertainty import UncertaintyBudget, measured_form, uncertainty_budget
 
 Floats = NDArray[np.float64]
@@ -139,11 +139,15 @@ def test_an_error_record_takes_the_place_of_the_declared_spindle() -> None:
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("falls_as", [0.5, 1.0, 2.0])
 def test_u_holds_the_true_cylindricity_in_95_of_100_measurements(falls_as: float) -> None:
-    """Three sections, alike in part. A minimum zone gives way to errors: U may hold it more often than it says."""
-    chance, held = np.random.default_rng(147 + int(10 * falls_as)), 0
-    for _ in range(400):
+    """Five sections, alike in part, with a lobe of 2 to 4 waves that becomes smaller along the part."""
+    seeds, held = [np.random.default_rng(seed + int(10 * falls_as)) for seed in (147, 247)], 0
+    for chance in seeds * 400:
         alike = texture(falls_as, 0.8, chance)
-        part_um = [alike + texture(falls_as, 0.6, chance) + chance.normal(0.0, 0.5) for _ in range(3)]
+        lobe = chance.uniform(0.0, 8.0) * np.cos(chance.integers(2, 5) * TURN + chance.uniform(0.0, 2.0 * math.pi))
+        part_um = [
+            alike + texture(falls_as, 0.6, chance) + chance.normal(0.0, 0.5) + size * lobe
+            for size in np.linspace(1.0, chance.uniform(0.0, 1.0), 5)
+        ]
         order, phase, gain = chance.integers(2, 7), chance.uniform(0.0, 2.0 * math.pi), chance.uniform(-0.01, 0.01)
         read_um = [
             (1.0 + gain) * each
@@ -155,13 +159,18 @@ def test_u_holds_the_true_cylindricity_in_95_of_100_measurements(falls_as: float
         u_um = budget(*read_um).expanded.cylindricity_um
         assert u_um is not None
         held += abs(cylt(read_um) + chance.normal(0.0, 0.05) - cylt(part_um)) <= u_um
-    assert held / 400 >= 0.93, held
+    assert 0.93 <= held / 800 <= 0.97, held
 
 
 def cylt(profiles_um: list[Floats]) -> float:
-    """CYLt of the minimum zone, of sections filtered round, 4 mm apart."""
-    angle = np.degrees(TURN)
-    sections = [
-        PartSection(z_mm=4.0 * k, angle_deg=angle, deviation_um=each) for k, each in enumerate(profiles_um)
-    ]
-    return evaluate_cylinder(sections, filter_upr=UPR).cylt_um
+    """CYLt of the minimum zone by a general solver, of sections that are filtered round and evenly apart."""
+    from scipy.optimize import linprog
+
+    spectra = np.fft.rfft(profiles_um) * 0.5 ** ((np.arange(POINTS // 2 + 1) / UPR) ** 2)
+    form = np.fft.irfft(spectra, POINTS).ravel()
+    turn, z = np.tile(TURN, len(profiles_um)), np.repeat(np.linspace(-1.0, 1.0, len(profiles_um)), POINTS)
+    ones, x, y = np.ones_like(turn), np.cos(turn), np.sin(turn)
+    axis = np.stack([ones, x, y, z * x, z * y], axis=1)
+    sides = np.block([[-axis, -ones[:, None]], [axis, -ones[:, None]]])
+    found = linprog([0, 0, 0, 0, 0, 2], sides, np.concatenate([-form, form]), bounds=(None, None))
+    return float(found.fun)
