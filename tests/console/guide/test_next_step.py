@@ -268,6 +268,7 @@ TABLES = {"align": ALIGN, "run": RUN, "inspect": INSPECT}
 FACTS = {"force": "1314", "radius": "26.000", "angle": "12.60", "left": "8"}
 
 
+@pytest.mark.timeout(180)  # forty thousand situations
 def test_every_row_is_the_next_step_in_some_situation() -> None:
     """In each situation each page has its row; `row_of` raises where none applies."""
     reached: Counter[int] = Counter()
