@@ -40,8 +40,8 @@ class ProblemError(Exception):
 
     def __init__(self, *problems: Problem) -> None:
         super().__init__(*problems)
-        self.problems: Sequence[Problem] = problems
-        self.add_note("; ".join(problem.facts for problem in problems))
+        self.problems: Sequence[Problem] = tuple(dict.fromkeys(problems))  # a link that is lost twice is told once
+        self.add_note("; ".join(problem.facts for problem in self.problems))
 
     def __str__(self) -> str:
         return "; ".join(str(problem) for problem in self.problems)

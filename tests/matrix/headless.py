@@ -136,6 +136,7 @@ class Made:
         try:
             cut_part(context, short_job(), self.plan, self._told)
         except ProblemError as error:
+            assert len(set(error.problems)) == len(error.problems), "the operator is told the same twice"
             codes = tuple(dict.fromkeys(problem.code for problem in error.problems))
             if watched.stop.reason is None:
                 return End.REFUSED, codes
