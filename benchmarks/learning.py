@@ -16,7 +16,7 @@ of the optimal ones; `before` both of these; `loop` is `all` with the gains of t
 proposes for the first of these lathes; `unwatched` follows no step and no drift between
 parts. `--plant` is a preset or a file (docs/plant.md). `--job square` has four jaws, `six` has six, `long` a cut
 of 40 mm. With `--fingerprint` an indicator shows each clamping before it is cut, with
-`--trial-band` a band of each part is cut and indicated before the rest.
+`--trial-band` a band of the first part is cut and indicated before the rest.
 """
 
 from __future__ import annotations

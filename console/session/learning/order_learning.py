@@ -62,7 +62,8 @@ class LearnHow:
     """How parts teach: `every_order`, or the lobe and its overtones; by `optimal` gains, or by fixed ones.
 
     With `fingerprint` an indicator shows the clamping of each part before it is cut; `along` learns from sections;
-    `changes` follows steps and drifts. With `band` a trial band of each part is cut and indicated before the rest.
+    `changes` follows steps and drifts. With `band` a trial band of the first part is cut and indicated before its
+    rest.
     """
 
     every_order: bool = True

@@ -174,7 +174,7 @@ def _evidence_of(story: RunStory, part: RecordedPart, data: Path) -> PartEvidenc
         learned = [event.data["passes"] for event in ends_of(story)][-1][place - 1]["learned"]
         path_um, off_um = (_order_um(learned[name], of.job.job.jaws) for name in ("wanted", "tool_error"))
     except (LookupError, TypeError, ValueError) as error:
-        raise SessionError() from error
+        raise SessionError(Problem(code="debrief.no_tool_error")) from error
     return replace(seen, path_um=path_um, tool_um=-off_um)
 
 
